@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/field/dense.h"
+
 namespace sinew::tools::field {
 namespace {
 
@@ -93,10 +95,10 @@ MatrixXd Answers::toSome(const MatrixXd& forces) const {
   MatrixXd f = movable_.asDiagonal() * forces;
   if (f.cols() == 0) return f;
   const bool free = rigid_.cols() > 0;
-  if (free) f -= (mass_.asDiagonal() * (rigid_ * (rigid_.transpose() * f))).eval();
+  if (free) f -= mass_.asDiagonal() * product(rigid_, innerProducts(rigid_, f));
   MatrixXd u = solver_->solve(f);
-  for (int i = 0; i < refinements_; ++i) u += solver_->solve(f - elastic_.stiffness * u);
-  if (free) u -= (rigid_ * (rigid_.transpose() * (mass_.asDiagonal() * u))).eval();
+  for (int i = 0; i < refinements_; ++i) u += solver_->solve(f - product(elastic_.stiffness, u));
+  if (free) u -= product(rigid_, innerProducts(rigid_, mass_, u));
   return u;
 }
 

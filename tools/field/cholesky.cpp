@@ -5,6 +5,7 @@
 
 #include <mutex>
 #include <new>
+#include <stdexcept>
 
 // There where the machine's BLAS is OpenBLAS.
 extern "C" {
@@ -101,6 +102,16 @@ Eigen::MatrixXd Cholesky::solve(const Eigen::MatrixXd& right) const {
   Eigen::MatrixXd result = Eigen::MatrixXd::Map(static_cast<const double*>(found->x), right.rows(), right.cols());
   cholmod_free_dense(&found, workspace.get());
   return result;
+}
+
+std::unique_ptr<Cholesky> firmFactor(Eigen::SparseMatrix<double> lower) {
+  auto factor = std::make_unique<Cholesky>(lower);
+  const Eigen::VectorXd diagonal = lower.diagonal();
+  for (double extra = 1e-13; !factor->factorize(lower); extra *= 100) {
+    if (!(extra < 1)) throw std::logic_error("a stiffness is not finite");
+    lower.diagonal() = (1 + extra) * diagonal;
+  }
+  return factor;
 }
 
 }  // namespace sinew::tools::field

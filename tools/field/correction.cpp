@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/correction.h"
-#include "runtime/geometry/symmetric_eigen.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+
+#include "runtime/geometry/symmetric_eigen.h"
+#include "tools/field/dense.h"
 
 namespace sinew::tools::field {
 namespace {
@@ -29,17 +32,17 @@ class Correction {
     MatrixXd seen = MatrixXd::Zero(k, k), affine(k, 4), slopes = samples.gradients.transpose();
     for (std::size_t i = 0; i < 3; ++i) {
       const MatrixXd by_axis = white(Eigen::seqN(Index(i), k, 3), Eigen::all);
-      seen += by_axis * by_axis.transpose();
+      seen += product(by_axis, by_axis.transpose());
       white_[i] = by_axis.cast<float>();
     }
     affine << space.one, space.rest;
-    const Eigen::ColPivHouseholderQR<MatrixXd> qr(space.dual.transpose() * affine);
+    const Eigen::ColPivHouseholderQR<MatrixXd> qr(innerProducts(space.dual, affine));
     const MatrixXd q = qr.householderQ();
-    basis_ = space.dual * q.rightCols(q.cols() - qr.rank());
+    basis_ = product(space.dual, q.rightCols(q.cols() - qr.rank()));
     if (basis_.cols() > 0) {
-      seen = (basis_.transpose() * seen * basis_).eval();
+      seen = innerProducts(basis_, product(seen, basis_));
       seen.diagonal().array() += 1e-9 * seen.diagonal().mean();
-      Eigen::LLT<MatrixXd>(seen).matrixU().solveInPlace<Eigen::OnTheRight>(basis_);
+      DenseCholesky(std::move(seen)).divide(basis_);
     }
     size_.resize(count_);
     stretch_.resize(count_);
@@ -65,10 +68,10 @@ class Correction {
   // Conjugate gradients (Polak, Ribiere 1969) of |H - 1|^2, X in floats: affine displacements are B's.
   void run() {
     const Index d = strains_.rows();
-    MatrixXf residual = strains_ * strains_.transpose() - MatrixXf::Identity(d, d), gradient, direction;
+    MatrixXf residual = product(strains_, strains_.transpose()) - MatrixXf::Identity(d, d), gradient, direction;
     const Eigen::VectorXf share = share_.cast<float>();
     for (int step = 0; step < kMostSteps && residual.norm() > kExact * std::sqrt(float(d)); ++step) {
-      const MatrixXf next = narrow_.transpose() * slopesOf(residual * strains_) * share.asDiagonal();
+      const MatrixXf next = innerProducts(narrow_, slopesOf(product(residual, strains_))) * share.asDiagonal();
       if (!(next.squaredNorm() > 0)) break;
       if (step == 0) {
         direction = -next;
@@ -77,16 +80,16 @@ class Correction {
         direction = std::max(0.0F, turn) * direction - next;
       }
       gradient = next;
-      const MatrixXf strained = strainsOf(narrow_ * direction * share.asDiagonal());
-      const MatrixXf half = strains_ * strained.transpose(), linear = half + half.transpose(),
-                     square = strained * strained.transpose();
+      const MatrixXf strained = strainsOf(product(narrow_, direction) * share.asDiagonal());
+      const MatrixXf half = product(strains_, strained.transpose()), linear = half + half.transpose(),
+                     square = product(strained, strained.transpose());
       const float length = lengthTo(residual, linear, square);
       change_ += length * direction;
       strains_ += length * strained;
       residual += length * linear + length * length * square;
     }
     samples_.least_eigenvalue = 1 + geometry::symmetricEigen(residual.cast<double>()).values[0];
-    const MatrixXd changes = basis_ * change_.cast<double>() * share_.asDiagonal();
+    const MatrixXd changes = product(basis_, change_.cast<double>()) * share_.asDiagonal();
     for (Index s = 0; s < count_; ++s) {
       samples_.gradients.middleRows<3>(3 * s) += changes.middleCols<3>(3 * s).transpose() / size_[s];
     }
@@ -110,7 +113,7 @@ class Correction {
   MatrixXf strainsOf(const MatrixXf& slopes) const {
     MatrixXf result = MatrixXf::Zero(white_[0].cols(), 6 * count_);
     for (Index i = 0; i < 3; ++i) {
-      const MatrixXf moved = white_[std::size_t(i)].transpose() * slopes;
+      const MatrixXf moved = innerProducts(white_[std::size_t(i)], slopes);
       for (Index s = 0; s < count_; ++s) {
         const Index next = (i + 1) % 3, last = (i + 2) % 3;
         result.middleCols<3>(6 * s).colwise() += shared_[s] * moved.col(3 * s + i);
@@ -133,7 +136,7 @@ class Correction {
         moved.col(3 * s + next) = shear_[s] * strains.col(6 * s + 3 + i);
         moved.col(3 * s + last) = shear_[s] * strains.col(6 * s + 3 + last);
       }
-      result += white_[std::size_t(i)] * moved;
+      result += product(white_[std::size_t(i)], moved);
     }
     return result;
   }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/cubature.h"
+
 #include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/correction.h"
+#include "tools/field/dense.h"
 #include "tools/field/poses.h"
 
 #include <tbb/parallel_for.h>
@@ -46,11 +48,12 @@ Index resisting(const VectorXd& lambda) {
 // W: all displacements alike, and uniform strains, which correct() leaves as they are.
 Whitened whiten(const MatrixXd& stiffness, const Space& space) {
   const MatrixXd axes = byAxes(space.orthonormal);
-  const geometry::SymmetricEigen modes = geometry::symmetricEigen(axes.transpose() * stiffness * axes);
+  const geometry::SymmetricEigen modes = geometry::symmetricEigen(innerProducts(axes, product(stiffness, axes)));
   const Index d = resisting(modes.values);
   if (d == 0) return {};
   Whitened result;
-  result.from = axes * modes.vectors.rightCols(d) * modes.values.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
+  result.from =
+      product(axes, modes.vectors.rightCols(d)) * modes.values.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
   MatrixXd strained(stiffness.rows(), 6);
   for (int s = 0; s < 6; ++s) {
     Eigen::Matrix3d strain = Eigen::Matrix3d::Zero();
@@ -59,9 +62,9 @@ Whitened whiten(const MatrixXd& stiffness, const Space& space) {
     const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> moved = space.rest * strain;
     strained.col(s) = Eigen::Map<const VectorXd>(moved.data(), moved.size());
   }
-  const MatrixXd strains = MatrixXd(result.from.transpose() * (stiffness * strained)).colwise().normalized();
-  result.metric = MatrixXd::Identity(d, d) / double(d) + kUniformStrain * strains * strains.transpose();
-  result.root = Eigen::LLT<MatrixXd>(result.metric).matrixU();
+  const MatrixXd strains = innerProducts(result.from, product(stiffness, strained)).colwise().normalized();
+  result.metric = MatrixXd::Identity(d, d) / double(d) + kUniformStrain * product(strains, strains.transpose());
+  result.root = DenseCholesky(result.metric).lower().transpose();
   return result;
 }
 
@@ -78,9 +81,10 @@ std::vector<double> importance(const Elastic& elastic, const MatrixXd& gradients
     density.segment<3>(3 * Index(s)).setConstant(p.volume * (2 * p.mu + p.lambda));
     volume += p.volume;
   }
-  energy = gradients.transpose() * density.asDiagonal() * gradients;
+  energy = innerProducts(gradients, density, gradients);
   energy.diagonal().array() += 1e-6 * energy.diagonal().mean();
-  const MatrixXd white = Eigen::LLT<MatrixXd>(energy).matrixL().solve(gradients.transpose());
+  MatrixXd white = gradients.transpose();
+  DenseCholesky(std::move(energy)).solveLower(white);
   std::vector<double> result(count);
   for (std::size_t s = 0; s < count; ++s) {
     const double share = density[3 * Index(s)] * white.middleCols(3 * Index(s), 3).squaredNorm();
@@ -164,7 +168,7 @@ class Fit {
       const VectorXd all = forces.rightCols<1>();
       if (!(all.squaredNorm() > 0)) continue;
       const double weight = kPoses / double(poses.size()) / all.squaredNorm();
-      normal_ += weight * by.transpose() * by;
+      normal_ += weight * innerProducts(by, by);
       target_ += weight * by.transpose() * all;
     }
   }
@@ -175,7 +179,7 @@ class Fit {
  private:
   MatrixXd factorOf(std::size_t patch, double volume) const {
     const MatrixXd strains = strainFactor(elastic_.patches[patch], gradients_.middleRows(3 * Index(patch), 3));
-    return std::sqrt(volume) * (space_.from.transpose() * strains);
+    return std::sqrt(volume) * innerProducts(space_.from, strains);
   }
 
   void keep(const std::vector<Index>& order) {
@@ -198,7 +202,7 @@ class Fit {
   // <A_s, A_t> = tr(A_s W A_t W) = |C_s^T W C_t|^2; floats are enough for weights.
   void setNormal() {
     const Index n = weight_.size();
-    const Eigen::MatrixXf c = (space_.root * factor_).cast<float>();
+    const Eigen::MatrixXf c = product(space_.root, factor_).cast<float>();
     normal_.resize(n, n);
     constexpr Index kRows = 32;
     for (Index first = 0; first < n; first += kRows) {
@@ -212,7 +216,7 @@ class Fit {
       }
     }
     target_.resize(n);
-    for (Index s = 0; s < n; ++s) target_[s] = (space_.metric * factor_.middleCols(6 * s, 6)).squaredNorm();
+    for (Index s = 0; s < n; ++s) target_[s] = product(space_.metric, factor_.middleCols(6 * s, 6)).squaredNorm();
     const double regular = kRegular * normal_.diagonal().mean();
     normal_.diagonal().array() += regular;
     target_.array() += regular;
@@ -220,7 +224,7 @@ class Fit {
 
   MatrixXd forcesIn(const MatrixXd& pose) const {
     using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-    const MatrixXd moved = gradients_ * pose, back = space_.root * space_.from.transpose();
+    const MatrixXd moved = product(gradients_, pose), back = product(space_.root, space_.from.transpose());
     MatrixXd stress(moved.rows(), 3);
     for (std::size_t s = 0; s < elastic_.patches.size(); ++s) {
       const Eigen::Matrix3d f = Eigen::Matrix3d::Identity() + moved.middleRows<3>(3 * Index(s)).transpose();
@@ -238,7 +242,7 @@ class Fit {
     for (std::size_t s = 0; s < elastic_.patches.size(); ++s) {
       stress.middleRows<3>(3 * Index(s)) *= elastic_.patches[s].volume;
     }
-    result.rightCols<1>() = whitened(gradients_.transpose() * stress);
+    result.rightCols<1>() = whitened(innerProducts(gradients_, stress));
     return result;
   }
 
@@ -279,15 +283,15 @@ MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions) {
   for (int b = 0; b < 3; ++b) {
     moved.setZero();
     for (Index i = 0; i < f; ++i) moved.row(3 * i + b) = functions.row(i);
-    const MatrixXd forces = elastic.stiffness * moved;
+    const MatrixXd forces = product(elastic.stiffness, moved);
     for (int a = 0; a < 3; ++a) {
-      const MatrixXd block = functions.transpose() * axisOf(forces, a);
+      const MatrixXd block = innerProducts(functions, axisOf(forces, a));
       for (Index j = 0; j < k; ++j) {
         for (Index i = 0; i < k; ++i) result(3 * i + a, 3 * j + b) = block(i, j);
       }
     }
   }
-  return 0.5 * (result + result.transpose());
+  return symmetric(result);
 }
 
 Samples chooseSamples(const Elastic& elastic, const Space& space, std::size_t wanted) {

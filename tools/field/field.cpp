@@ -4,7 +4,6 @@
 #include <tbb/parallel_invoke.h>
 
 #include <Eigen/Dense>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"
 #include "tools/field/cubature.h"
+#include "tools/field/dense.h"
 #include "tools/field/elastic.h"
 #include "tools/field/modes.h"
 #include "tools/field/residual.h"
@@ -59,7 +59,7 @@ MatrixXd knownLoads(const FieldInput& input) {
 MatrixXd coordinates(const MatrixXd& functions, const MatrixXd& fields) {
   MatrixXd result(3 * functions.cols(), fields.cols());
   for (Index a = 0; a < 3; ++a)
-    result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = functions.transpose() * axisOf(fields, a);
+    result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = innerProducts(functions, axisOf(fields, a));
   return result;
 }
 
@@ -81,7 +81,8 @@ MatrixXd enough(const Elastic& elastic, const MatrixXd& have, const MatrixXd& fu
   const MatrixXd nodes = nodeRows(elastic, joined(have, functions));
   MatrixXd stiffness = reducedStiffness(elastic, nodes);
   stiffness.diagonal().array() += 1e-9 * stiffness.diagonal().mean();
-  const MatrixXd met = Eigen::LLT<MatrixXd>(stiffness).matrixL().solve(coordinates(nodes, known.forces));
+  MatrixXd met = coordinates(nodes, known.forces);
+  DenseCholesky(std::move(stiffness)).solveLower(met);
   VectorXd lacks = known.work();
   const VectorXd least = kKnownLack * lacks;
   for (Index j = 0; j < nodes.cols(); ++j) {
@@ -108,8 +109,7 @@ MatrixXd affine(const Elastic& elastic) {
       .topLeftCorner(qr.rank(), qr.rank())
       .triangularView<Eigen::Upper>()
       .solveInPlace<Eigen::OnTheRight>(values);
-  const Eigen::LLT<MatrixXd> again(MatrixXd(values.transpose() * elastic.mass.asDiagonal() * values));
-  again.matrixU().solveInPlace<Eigen::OnTheRight>(values);
+  DenseCholesky(innerProducts(values, elastic.mass, values)).divide(values);
   return values;
 }
 
@@ -118,10 +118,10 @@ MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& 
   stiffness.resize(0);
   if (values.cols() == 0) return values;
   const MatrixXd nodes = nodeRows(elastic, values);
-  const MatrixXd energy = nodes.transpose() * (elastic.scalar * nodes);
-  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(0.5 * (energy + energy.transpose()));
+  const MatrixXd energy = innerProducts(nodes, product(elastic.scalar, nodes));
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(symmetric(energy));
   stiffness = eigen.values.cwiseMax(0.0);
-  MatrixXd result = values * eigen.vectors;
+  MatrixXd result = product(values, eigen.vectors);
   for (Index j = 0; j < result.cols(); ++j) {
     Index most = 0;
     result.col(j).cwiseAbs().maxCoeff(&most);
@@ -163,11 +163,11 @@ MatrixXd sampledStiffness(const FieldSpace& space) {
     for (std::size_t a = 0; a < 3; ++a) g[a].row(i) = s.gradients.bottomRows(k).col(Index(a)).transpose();
   }
   MatrixXd result(3 * k, 3 * k), all_axes = MatrixXd::Zero(k, k);
-  for (const MatrixXd& along : g) all_axes += along.transpose() * (mu.asDiagonal() * along);
+  for (const MatrixXd& along : g) all_axes += innerProducts(along, mu, along);
   for (std::size_t a = 0; a < 3; ++a) {
     for (std::size_t b = 0; b < 3; ++b) {
-      MatrixXd block = g[b].transpose() * (mu.asDiagonal() * g[a]);
-      block += g[a].transpose() * (lambda.asDiagonal() * g[b]);
+      MatrixXd block = innerProducts(g[b], mu, g[a]);
+      block += innerProducts(g[a], lambda, g[b]);
       if (a == b) block += all_axes;
       result(Eigen::seqN(Index(a), k, 3), Eigen::seqN(Index(b), k, 3)) = block;
     }
@@ -195,16 +195,16 @@ VectorXd staticErrors(const Elastic& elastic, const FieldSpace& space, const Ans
   // Rigid motions do not count: a stiff spring holds what the space has of them.
   if (answers.rigid().cols() > 0) {
     const MatrixXd rigid = coordinates(nodes, mass.asDiagonal() * answers.rigid());
-    loads -= (rigid * (rigid.transpose() * loads)).eval();
-    stiffness += stiffness.diagonal().mean() * rigid * rigid.transpose();
+    loads -= product(rigid, innerProducts(rigid, loads));
+    stiffness += stiffness.diagonal().mean() * product(rigid, rigid.transpose());
   }
   const MatrixXd z = Eigen::LDLT<MatrixXd>(stiffness).solve(loads);
   const MatrixXd right = answers.to(onNodes(elastic, forces));
   VectorXd off = VectorXd::Zero(forces.cols()), size = off;
   for (Index a = 0; a < 3; ++a) {
     const MatrixXd u = axisOf(right, a);
-    off += (elastic.node_mass.asDiagonal() * (nodes * axisOf(z, a) - u).cwiseAbs2()).colwise().sum().transpose();
-    size += (elastic.node_mass.asDiagonal() * u.cwiseAbs2()).colwise().sum().transpose();
+    off += (product(nodes, axisOf(z, a)) - u).cwiseAbs2().transpose() * elastic.node_mass;
+    size += u.cwiseAbs2().transpose() * elastic.node_mass;
   }
   return (size.array() > 0).select(off.array() / size.array(), 0.0).sqrt();
 }
@@ -245,7 +245,7 @@ void addDamping(const geometry::SymmetricEigen& modes, FieldSpace& space) {
   const VectorXd sum = rates.rowwise().sum();
   const double scale = sum.sum() / sum.squaredNorm();
   rates *= scale;
-  MatrixXd normal = rates.transpose() * rates;
+  MatrixXd normal = innerProducts(rates, rates);
   const double tie = kDampingTie * normal.diagonal().mean();
   const VectorXd target = rates.colwise().sum().transpose().array() + tie;
   normal.diagonal().array() += tie;
@@ -286,12 +286,12 @@ FreeFunctions freeFunctions(const Elastic& elastic, const FieldInput& input, con
       columns = splitByAxis(joined(columns, kKnownWeight * answers->equal(known.answers)));
     }
     const Index most = std::min(known.forces.cols() == 0 ? k : std::max(k, kMostFunctions), elastic.nodes());
-    const MatrixXd all = leading(elastic.extend * columns, elastic.mass, functions, most - functions.cols());
+    const MatrixXd all = leading(product(elastic.extend, columns), elastic.mass, functions, most - functions.cols());
     functions = joined(functions, enough(elastic, functions, all, known, k - functions.cols()));
   }
   space.values = diagonalized(elastic, functions, space.stiffness);
   space.one = space.values.transpose() * elastic.mass;
-  space.rest = space.values.transpose() * elastic.mass.asDiagonal() * elastic.positions;
+  space.rest = innerProducts(space.values, elastic.mass, elastic.positions);
   return result;
 }
 
@@ -361,14 +361,13 @@ MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds&
     }
     Sparse matrix(Index(inner.size()), Index(inner.size()));
     matrix.setFromTriplets(entries.begin(), entries.end());
-    MatrixXd pull = -(elastic.scalar * result);
+    MatrixXd pull = -product(elastic.scalar, result);
     for (const FieldTether& tether : input.tethers) {
       for (decltype(elastic.extend)::InnerIterator it(elastic.extend, Index(tether.vertex)); it; ++it) {
         pull(it.col(), holds.placeOf(tether.held)) += it.value() * strengthOf(tether, scale);
       }
     }
-    const Eigen::SimplicialLDLT<Sparse> factor(matrix);
-    const MatrixXd inside = factor.solve(MatrixXd(pull(inner, Eigen::all)));
+    const MatrixXd inside = firmFactor(std::move(matrix))->solve(pull(inner, Eigen::all));
     result(inner, Eigen::all) = inside;
   }
   result.col(0) += (1 - result.rowwise().sum().array()).matrix();
@@ -377,7 +376,7 @@ MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds&
 
 // w_p, w_p X, w_p Y, w_p Z of each pin set on vertices: n x 4 sets.
 MatrixXd drivenFunctions(const Elastic& elastic, const Holds& holds, const MatrixXd& share, FieldSpace& space) {
-  MatrixXd on_vertices = elastic.extend * share;
+  MatrixXd on_vertices = product(elastic.extend, share);
   for (Index v = 0; v < on_vertices.rows(); ++v) {
     const Index p = holds.of_vertex[std::size_t(v)];
     if (p >= 0) on_vertices.row(v) = Eigen::RowVectorXd::Unit(on_vertices.cols(), p);
@@ -409,7 +408,7 @@ Known knownAnswers(const Elastic& elastic, const FieldInput& input, const Holds&
         pulled.row(3 * i + a).segment<3>(4 * a + 1) = share(i, p) * x;
       }
     }
-    pulled = (-(elastic.stiffness * pulled)).eval();
+    pulled = -product(elastic.stiffness, pulled);
     for (const FieldTether& tether : input.tethers) {
       if (holds.placeOf(tether.held) != p) continue;
       const Eigen::RowVector4d monomials(1, elastic.positions(tether.vertex, 0), elastic.positions(tether.vertex, 1),
@@ -437,12 +436,13 @@ MatrixXd interiorColumns(const Elastic& elastic, const Answers& answers, const K
 // Combinations of columns on nodes, those of most energy K_s first: in mass, what is left of a thin shell's answers
 // would stretch it.
 MatrixXd byEnergy(const Elastic& elastic, const MatrixXd& columns, Index count) {
-  const geometry::SymmetricEigen gram = geometry::symmetricEigen(columns.transpose() * (elastic.scalar * columns));
+  const geometry::SymmetricEigen gram =
+      geometry::symmetricEigen(innerProducts(columns, product(elastic.scalar, columns)));
   const VectorXd& energy = gram.values;
   Index kept = 0;
   while (kept < std::min(count, energy.size()) && energy[energy.size() - 1 - kept] > 1e-11 * energy[energy.size() - 1])
     ++kept;
-  return columns * gram.vectors.rightCols(kept).rowwise().reverse();
+  return product(columns, gram.vectors.rightCols(kept).rowwise().reverse());
 }
 
 // Combinations of functions that are M-orthonormal; functions that others make up give none.
@@ -450,7 +450,7 @@ MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
   VectorXd scale = (values.cwiseAbs2().transpose() * mass).cwiseSqrt();
   // X of a pin set at X = 0 is rounding alone: a combination of it would be noise times 1e16.
   scale = (scale.array() > 1e-12 * scale.maxCoeff()).select(scale.cwiseInverse(), 0.0).eval();
-  const MatrixXd gram = scale.asDiagonal() * (values.transpose() * mass.asDiagonal() * values) * scale.asDiagonal();
+  const MatrixXd gram = scale.asDiagonal() * innerProducts(values, mass, values) * scale.asDiagonal();
   const geometry::SymmetricEigen eigen = geometry::symmetricEigen(gram);
   Index kept = 0;
   while (kept < gram.cols() && eigen.values[gram.cols() - 1 - kept] > 1e-10 * eigen.values[gram.cols() - 1]) ++kept;
@@ -460,7 +460,7 @@ MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
 
 // Functions on nodes as such on vertices that are 0 on all pin sets.
 MatrixXd vanishing(const Elastic& elastic, const Holds& holds, const MatrixXd& on_nodes) {
-  MatrixXd result = elastic.extend * on_nodes;
+  MatrixXd result = product(elastic.extend, on_nodes);
   for (Index v = 0; v < result.rows(); ++v) {
     if (holds.of_vertex[std::size_t(v)] >= 0) result.row(v).setZero();
   }
@@ -481,10 +481,10 @@ void join(const Elastic& elastic, const MatrixXd& driven, const MatrixXd& interi
   }
   if (inside == 0) return;
   const MatrixXd weighted = elastic.mass.asDiagonal() * interior;
-  space.values = joined(driven - interior * (weighted.transpose() * driven), interior);
+  space.values = joined(driven - product(interior, innerProducts(weighted, driven)), interior);
   space.stiffness.tail(inside) = stiffness;
   space.one.tail(inside) = weighted.colwise().sum().transpose();
-  space.rest.bottomRows(inside) = weighted.transpose() * elastic.positions;
+  space.rest.bottomRows(inside) = innerProducts(weighted, elastic.positions);
 }
 
 // The piece without the patches that one pin set holds whole: they never strain. All of it where nothing else is left.
@@ -616,7 +616,7 @@ void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& lo
   const MatrixXd met = coordinates(space.values.rightCols(k), loads);
   const auto workOf = [&](const geometry::SymmetricEigen& of) {
     const Index count = of.values.size() - first;
-    const MatrixXd along = of.vectors.rightCols(count).transpose() * met;
+    const MatrixXd along = innerProducts(of.vectors.rightCols(count), met);
     return VectorXd((of.values.tail(count).cwiseInverse().asDiagonal() * along.cwiseAbs2()).colwise().sum());
   };
   // Of each load, or where they are others than before of all together; 1 where the functions met nothing.

@@ -6,6 +6,7 @@
 
 #include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"
+#include "tools/field/dense.h"
 
 namespace sinew::tools::field {
 namespace {
@@ -21,22 +22,21 @@ MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& 
   MatrixXd w = root.asDiagonal() * columns;
   // Eigen reads nothing from a product with an empty matrix, but sanitizers mind its null pointer.
   const auto takeOut = [&](MatrixXd& columns_left) {
-    if (known.cols() > 0) columns_left -= (known * (known.transpose() * columns_left)).eval();
+    if (known.cols() > 0) columns_left -= product(known, innerProducts(known, columns_left));
   };
   for (int pass = 0; pass < 2; ++pass) takeOut(w);
-  const geometry::SymmetricEigen gram = geometry::symmetricEigen(w.transpose() * w);
+  const geometry::SymmetricEigen gram = geometry::symmetricEigen(innerProducts(w, w));
   const VectorXd& energy = gram.values;
   Index kept = 0;
   const Index all = w.cols();
   while (kept < std::min(count, all) && energy[all - 1 - kept] > 1e-12 * energy[all - 1]) ++kept;
   if (kept == 0 || !(energy[all - 1] > 0)) return MatrixXd(columns.rows(), 0);
-  MatrixXd u = w * gram.vectors.rightCols(kept).rowwise().reverse();
+  MatrixXd u = product(w, gram.vectors.rightCols(kept).rowwise().reverse());
   // Twice is enough (Giraud et al. 2005): the first Gram matrix loses half of the digits.
   for (int pass = 0; pass < 2; ++pass) {
     takeOut(u);
     u.colwise().normalize();
-    const Eigen::LLT<MatrixXd> again(MatrixXd(u.transpose() * u));
-    again.matrixU().solveInPlace<Eigen::OnTheRight>(u);
+    DenseCholesky(innerProducts(u, u)).divide(u);
   }
   return root.cwiseInverse().asDiagonal() * u;
 }
@@ -46,10 +46,9 @@ MatrixXd inOrder(const MatrixXd& columns, const VectorXd& mass) {
   MatrixXd u = root.asDiagonal() * columns;
   for (int pass = 0; pass < 2 && u.cols() > 0; ++pass) {
     u.colwise().normalize();
-    MatrixXd gram = u.transpose() * u;
+    MatrixXd gram = innerProducts(u, u);
     gram.diagonal().array() += 1e-14;
-    const Eigen::LLT<MatrixXd> again(gram);
-    again.matrixU().solveInPlace<Eigen::OnTheRight>(u);
+    DenseCholesky(std::move(gram)).divide(u);
   }
   return root.cwiseInverse().asDiagonal() * u;
 }
@@ -96,11 +95,10 @@ Modes lowestModes(const Elastic& elastic, const Solver& solver, const std::vecto
     filled += block.cols();
   }
   const MatrixXd q = space.middleCols(without.cols(), filled - without.cols());
-  MatrixXd projected = q.transpose() * (elastic.stiffness * q);
-  projected = (0.5 * (projected + projected.transpose())).eval();
-  const geometry::SymmetricEigen ritz = geometry::symmetricEigen(projected);
+  const geometry::SymmetricEigen ritz =
+      geometry::symmetricEigen(symmetric(innerProducts(q, product(elastic.stiffness, q))));
   count = std::min(count, q.cols());
-  return {q * ritz.vectors.leftCols(count), ritz.values.head(count).cwiseMax(0.0)};
+  return {product(q, ritz.vectors.leftCols(count)), ritz.values.head(count).cwiseMax(0.0)};
 }
 
 }  // namespace sinew::tools::field

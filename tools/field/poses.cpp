@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/poses.h"
-#include "runtime/geometry/rotation.h"
 
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <utility>
+
+#include "runtime/geometry/rotation.h"
+#include "tools/field/dense.h"
 
 namespace sinew::tools::field {
 namespace {
@@ -38,7 +41,7 @@ double energy(const Elastic& elastic, const Space& space, const Samples& samples
     forces += samples.volume[s] * gradients.transpose() * p.transpose();
   }
   if (space.tethers.size() > 0) {
-    const Coefficients pulled = space.tethers * moved;
+    const Coefficients pulled = product(space.tethers, moved);
     result += 0.5 * pulled.cwiseProduct(moved).sum();
     forces += pulled;
   }
@@ -59,12 +62,12 @@ std::vector<MatrixXd> findPoses(const Elastic& elastic, const Space& space, cons
   held = held.bottomRightCorner(inside, inside).eval();
   if (space.tethers.size() > 0) held += byAxes(space.tethers).bottomRightCorner(inside, inside);
   held.diagonal().array() += 1e-9 * held.diagonal().mean();
-  const Eigen::LLT<MatrixXd> factor(held);
+  const DenseCholesky factor(std::move(held));
   std::vector<MatrixXd> found(static_cast<std::size_t>(2 * loads));
   tbb::parallel_for(Index{0}, 2 * loads, [&](Index pose) {
     const Index l = pose / 2;
     const VectorXd load = space.loads.col(l);
-    const double work = load.dot(factor.solve(load));
+    const double work = load.dot(VectorXd(factor.solve(load)));
     if (!(work > 0)) return;
     const VectorXd pull = (pose % 2 == 0 ? -1 : -0.5) * space.reaches[l] / work * load;
     const auto inner = [&](const Coefficients& all) {

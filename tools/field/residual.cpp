@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "runtime/geometry/symmetric_eigen.h"
+#include "tools/field/dense.h"
 
 namespace sinew::tools::field {
 namespace {
@@ -30,11 +31,11 @@ class Residual {
     for (Index a = 0; a < 3; ++a) {
       MatrixXd along = MatrixXd::Zero(3 * f, k);
       along(Eigen::seqN(a, f, 3), Eigen::all) = functions_;
-      pulled.middleCols(a * k, k) = elastic.stiffness * along;
+      pulled.middleCols(a * k, k) = product(elastic.stiffness, along);
     }
     MatrixXd reduced(3 * k, 3 * k);
-    for (Index a = 0; a < 3; ++a) reduced.middleRows(a * k, k) = functions_.transpose() * axisOf(pulled, a);
-    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(0.5 * (reduced + reduced.transpose()));
+    for (Index a = 0; a < 3; ++a) reduced.middleRows(a * k, k) = innerProducts(functions_, axisOf(pulled, a));
+    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(symmetric(reduced));
     shapes_ = eigen.vectors;
     inverse_ = eigen.values;
     for (Index i = 0; i < inverse_.size(); ++i) {
@@ -55,24 +56,23 @@ class Residual {
     MatrixXd basis(rows, columns);
     for (Index i = 0; i < basis.size(); ++i) basis.data()[i] = random.unit();
     for (int round = 0; round < kRounds; ++round) {
-      basis = root.asDiagonal() * times(root.asDiagonal() * basis);
-      basis = Eigen::HouseholderQR<MatrixXd>(basis).householderQ() * MatrixXd::Identity(rows, columns);
+      basis = orthonormal(root.asDiagonal() * times(root.asDiagonal() * basis));
     }
-    const MatrixXd answer = times(root.asDiagonal() * basis), core = basis.transpose() * root.asDiagonal() * answer;
-    const geometry::SymmetricEigen inner = geometry::symmetricEigen(0.5 * (core + core.transpose()));
+    const MatrixXd answer = times(root.asDiagonal() * basis), core = innerProducts(basis, root, answer);
+    const geometry::SymmetricEigen inner = geometry::symmetricEigen(symmetric(core));
     VectorXd scale = inner.values;
     for (Index i = 0; i < scale.size(); ++i) {
       scale[i] = scale[i] > kNothing * inner.values[scale.size() - 1] ? 1 / std::sqrt(scale[i]) : 0;
     }
-    const MatrixXd factor = answer * (inner.vectors * scale.asDiagonal());
-    const geometry::SymmetricEigen found = geometry::symmetricEigen(factor.transpose() * mass_.asDiagonal() * factor);
+    const MatrixXd factor = product(answer, inner.vectors * scale.asDiagonal());
+    const geometry::SymmetricEigen found = geometry::symmetricEigen(innerProducts(factor, mass_, factor));
     // A mode softer than the functions' own lowest is no mode but a hinge, which nothing holds.
     const double most = answers_.lowestLambda() > 0 ? 1 / answers_.lowestLambda() : 0;
     Index end = columns, first = 0;
     while (end > 0 && found.values[end - 1] > most) --end;
     while (first < end && !(found.values[first] > kNothing * most)) ++first;
     const Index kept = std::min(count, end - first);
-    return factor * found.vectors.middleCols(end - kept, kept);
+    return product(factor, found.vectors.middleCols(end - kept, kept));
   }
 
   /// f, m/N: what the modes leave of each node's own answer, mean of the directions.
@@ -108,15 +108,15 @@ class Residual {
   MatrixXd timesSome(const MatrixXd& forces) const {
     const Index k = functions_.cols();
     const MatrixXd& rigid = answers_.rigid();
-    const MatrixXd balanced = forces - mass_.asDiagonal() * (rigid * (rigid.transpose() * forces));
+    const MatrixXd balanced = forces - mass_.asDiagonal() * product(rigid, innerProducts(rigid, forces));
     MatrixXd loads(3 * k, forces.cols());
-    for (Index a = 0; a < 3; ++a) loads.middleRows(a * k, k) = functions_.transpose() * axisOf(balanced, a);
-    const MatrixXd coefficients = shapes_ * (inverse_.asDiagonal() * (shapes_.transpose() * loads));
+    for (Index a = 0; a < 3; ++a) loads.middleRows(a * k, k) = innerProducts(functions_, axisOf(balanced, a));
+    const MatrixXd coefficients = product(shapes_, inverse_.asDiagonal() * innerProducts(shapes_, loads));
     MatrixXd moved(forces.rows(), forces.cols());
     for (Index a = 0; a < 3; ++a) {
-      moved(Eigen::seqN(a, functions_.rows(), 3), Eigen::all) = functions_ * coefficients.middleRows(a * k, k);
+      moved(Eigen::seqN(a, functions_.rows(), 3), Eigen::all) = product(functions_, coefficients.middleRows(a * k, k));
     }
-    moved -= (rigid * (rigid.transpose() * (mass_.asDiagonal() * moved))).eval();
+    moved -= product(rigid, innerProducts(rigid, mass_, moved));
     return answers_.to(forces) - moved;
   }
 
@@ -144,7 +144,8 @@ void addResidual(const Elastic& elastic, const Answers& answers, Index count, Fi
   if (modes.cols() == 0) return;
   space.residual_modes.resize(3 * elastic.mass.size(), modes.cols());
   for (Index a = 0; a < 3; ++a) {
-    space.residual_modes(Eigen::seqN(a, elastic.mass.size(), 3), Eigen::all) = elastic.extend * axisOf(modes, a);
+    space.residual_modes(Eigen::seqN(a, elastic.mass.size(), 3), Eigen::all) =
+        product(elastic.extend, axisOf(modes, a));
   }
   // Vertices that follow no node move with nothing.
   const VectorXd locals = residual.locals(modes);

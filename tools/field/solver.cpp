@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/solver.h"
 
-#include <stdexcept>
+#include <utility>
 
 namespace sinew::tools::field {
-namespace {
-
-// Of each entry of the diagonal, what a matrix gets that rounding has left without a factor; a hundred times as much
-// where that does not suffice.
-constexpr double kFirstExtra = 1e-13;
-
-}  // namespace
 
 Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double shift) {
   std::vector<Index> place(fixed.size(), -1);
@@ -33,12 +26,7 @@ Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double sh
     }
   }
   lower.finalize();
-  factor_ = std::make_unique<Cholesky>(lower);
-  const VectorXd diagonal = lower.diagonal();
-  for (double extra = kFirstExtra; !factor_->factorize(lower); extra *= 100) {
-    if (!(extra < 1)) throw std::logic_error("a stiffness is not finite");
-    lower.diagonal() = (1 + extra) * diagonal;
-  }
+  factor_ = firmFactor(std::move(lower));
 }
 
 MatrixXd Solver::solve(const MatrixXd& forces) const {
