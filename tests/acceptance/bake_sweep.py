@@ -171,6 +171,7 @@ class Sweep:
             stages = sorted(report["stages"], key=lambda stage: -stage["seconds"])
             total = sum(stage["seconds"] for stage in stages) or 1
             row["stages"] = ", ".join(f"{s['name']} {100 * s['seconds'] / total:.0f} %" for s in stages[:2])
+            row["clock"] = report["seconds"]
             row["method"] = "+".join(sorted({piece["method"] for piece in report["pieces"]}))
         self.rows.append(row)
         print(f"  {name:22s} {row['triangles']:7d} triangles {row['seconds']:6.2f} s  {row.get('method', verdict):14s} "
@@ -181,9 +182,11 @@ class Sweep:
         return run(self.sinew, "bake", file, "-o", package, "--report", report_file, "--quiet", "--no-cache")
 
     def slowest(self):
-        rows = sorted(self.rows, key=lambda row: -row["seconds"])[:SHOWN]
-        return "\n".join(f"{row['seconds']:6.1f} s  {row['name']}: {row['triangles']:,} triangles, "
-                         f"{row.get('method', 'refused')}, {row.get('stages', '')}" for row in rows)
+        """A table of docs/performance.md."""
+        rows = sorted((row for row in self.rows if "clock" in row), key=lambda row: -row["seconds"])[:SHOWN]
+        lines = [f"| {row['name']} | {row['triangles']:,} | {row['method']} | {row['seconds']:.1f} | {row['clock']:.1f} | {row['stages']} |"
+                 for row in rows]
+        return "\n".join(["| mesh | triangles | method | processor, s | clock, s | most of it |", "|---|---|---|---|---|---|", *lines])
 
 
 def main():
@@ -211,7 +214,7 @@ def main():
             write_ply(file, vertices, faces)
             sweep.case(name, about, file)
             file.unlink()
-    print("Slowest, of the processor:", sweep.slowest(), sep="\n")
+    print(sweep.slowest())
     for fault in sweep.faults:
         print("FAIL", fault)
     print(f"{len(sweep.rows)} meshes, {len(sweep.faults)} failures")
