@@ -104,7 +104,7 @@ Eigen::MatrixXd Cholesky::solve(const Eigen::MatrixXd& right) const {
   return result;
 }
 
-std::unique_ptr<Cholesky> firmFactor(Eigen::SparseMatrix<double> lower) {
+std::unique_ptr<Cholesky> firmFactor(Eigen::SparseMatrix<double>& lower) {
   auto factor = std::make_unique<Cholesky>(lower);
   const Eigen::VectorXd diagonal = lower.diagonal();
   for (double extra = 1e-13; !factor->factorize(lower); extra *= 100) {

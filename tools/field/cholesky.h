@@ -28,8 +28,8 @@ class Cholesky {
   std::unique_ptr<Factor> factor_;
 };
 
-/// The factor of a matrix that is positive but for rounding: where that has left none, entries of the diagonal get
+/// The factor of a matrix that is positive but for rounding: where that has left none, entries of its diagonal get
 /// 1e-13 of themselves, or a hundred times as much, and so on.
-std::unique_ptr<Cholesky> firmFactor(Eigen::SparseMatrix<double> lower);
+std::unique_ptr<Cholesky> firmFactor(Eigen::SparseMatrix<double>& lower);
 
 }  // namespace sinew::tools::field

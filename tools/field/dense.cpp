@@ -43,13 +43,11 @@ MatrixXd DenseCholesky::solve(const DenseRef& b) const {
   return result;
 }
 
-void DenseCholesky::solveLower(Eigen::Ref<MatrixXd> b) const { lower_.triangularView<Eigen::Lower>().solveInPlace(b); }
+void DenseCholesky::solveLower(MatrixXd& b) const { lower_.triangularView<Eigen::Lower>().solveInPlace(b); }
 
-void DenseCholesky::solveUpper(Eigen::Ref<MatrixXd> b) const {
-  lower_.triangularView<Eigen::Lower>().transpose().solveInPlace(b);
-}
+void DenseCholesky::solveUpper(MatrixXd& b) const { lower_.triangularView<Eigen::Lower>().transpose().solveInPlace(b); }
 
-void DenseCholesky::divide(Eigen::Ref<MatrixXd> b) const {
+void DenseCholesky::divide(MatrixXd& b) const {
   lower_.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(b);
 }
 

@@ -36,10 +36,10 @@ class DenseCholesky {
   explicit DenseCholesky(Eigen::MatrixXd matrix);
   const Eigen::MatrixXd& lower() const { return lower_; }  ///< L; 0 above the diagonal
   Eigen::MatrixXd solve(const DenseRef& b) const;          ///< matrix^-1 b
-  void solveLower(Eigen::Ref<Eigen::MatrixXd> b) const;    ///< L^-1 b, in place
-  void solveUpper(Eigen::Ref<Eigen::MatrixXd> b) const;    ///< L^-T b, in place
+  void solveLower(Eigen::MatrixXd& b) const;               ///< L^-1 b, in place
+  void solveUpper(Eigen::MatrixXd& b) const;               ///< L^-T b, in place
   /// b L^-T, in place: rows of b become orthonormal where their products are the matrix.
-  void divide(Eigen::Ref<Eigen::MatrixXd> b) const;
+  void divide(Eigen::MatrixXd& b) const;
 
  private:
   Eigen::MatrixXd lower_;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"
@@ -367,7 +368,7 @@ MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds&
         pull(it.col(), holds.placeOf(tether.held)) += it.value() * strengthOf(tether, scale);
       }
     }
-    const MatrixXd inside = firmFactor(std::move(matrix))->solve(pull(inner, Eigen::all));
+    const MatrixXd inside = firmFactor(matrix)->solve(pull(inner, Eigen::all));
     result(inner, Eigen::all) = inside;
   }
   result.col(0) += (1 - result.rowwise().sum().array()).matrix();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <utility>
 
 #include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/solver.h"
 
-#include <utility>
-
 namespace sinew::tools::field {
 
 Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double shift) {
@@ -26,7 +24,7 @@ Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double sh
     }
   }
   lower.finalize();
-  factor_ = firmFactor(std::move(lower));
+  factor_ = firmFactor(lower);
 }
 
 MatrixXd Solver::solve(const MatrixXd& forces) const {
