@@ -8,6 +8,7 @@
 #include <barrier>
 #include <functional>
 #include <mutex>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -177,7 +178,7 @@ struct Call {
 };
 
 /// All of World that may overlap: what is left out returns references (settings(), asset()). What a call adds it takes
-/// away again.
+/// away again, unless another call is there then.
 std::vector<Call> callsOf(const std::shared_ptr<const Asset>& asset) {
   const BodyId body{0};
   const PickId pick{0};
@@ -415,7 +416,18 @@ TEST(WorldThreads, EachPairOfCallsSurvives) {
   play(false);
   other.join();
   static_cast<void>(log.take());
-  // Nobody is there any more, and nothing was lost.
+  // What a call could not take away again, because the other was there, can be taken away now; nothing was lost.
+  std::vector<BodyId> bodies(world.bodies({}));
+  world.bodies(bodies);
+  ASSERT_GE(bodies.size(), 2U);
+  for (const BodyId body : std::span(bodies).subspan(2)) world.removeBody(body);
+  std::vector<ColliderId> colliders(world.colliders({}));
+  world.colliders(colliders);
+  ASSERT_GE(colliders.size(), 1U);
+  for (const ColliderId collider : std::span(colliders).subspan(1)) world.removeCollider(collider);
+  EXPECT_TRUE(world.contains(BodyId{0}) && world.contains(BodyId{1}));
+  EXPECT_EQ(colliders[0], ColliderId{1});
+  // Nobody is there any more.
   for (const Call& call : calls) call.make(world);
   EXPECT_EQ(log.take().find("another thread"), std::string::npos);
   EXPECT_EQ(world.bodies({}), 2U);
