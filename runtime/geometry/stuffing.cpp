@@ -82,17 +82,12 @@ class Stuffing {
     const std::size_t count = 2 * per_lattice_;
     sign_.resize(count);
     parallel_for_(count, 256, [&](std::size_t begin, std::size_t end) {
-      if (!domain_.inside_many) {
-        for (std::size_t i = begin; i < end; ++i) {
-          sign_[i] = domain_.inside(latticePosition(coordinate(std::uint32_t(i)))) ? 1 : -1;
-        }
-        return;
-      }
       std::vector<Vector3d> points;
       points.reserve(end - begin);
       for (std::size_t i = begin; i < end; ++i) points.push_back(latticePosition(coordinate(std::uint32_t(i))));
       std::vector<char> inside(points.size());
-      domain_.inside_many(points, inside);
+      WindingNumber::Walk walk;
+      domain_.inside(points, inside, walk);
       for (std::size_t i = begin; i < end; ++i) sign_[i] = inside[i - begin] != 0 ? 1 : -1;
     });
   }
@@ -115,6 +110,7 @@ class Stuffing {
       first_cut_[i + 1] = first_cut_[i] + std::uint32_t(std::popcount(cut_mask_[i]));
     cut_fraction_.resize(first_cut_[count]);
     parallel_for_(count, 1024, [&](std::size_t begin, std::size_t end) {
+      WindingNumber::Walk walk;
       for (std::size_t i = begin; i < end; ++i) {
         if (cut_mask_[i] == 0) continue;
         const Vector3i c = coordinate(std::uint32_t(i));
@@ -123,7 +119,7 @@ class Stuffing {
           if ((cut_mask_[i] & 1U << e) == 0) continue;
           const Vector3d p = latticePosition(c), q = latticePosition(c + edgeOffset(e));
           const bool outwards = sign_[i] > 0;
-          const double t = std::clamp(domain_.crossing(outwards ? p : q, outwards ? q : p), 0.0, 1.0);
+          const double t = std::clamp(domain_.crossing(outwards ? p : q, outwards ? q : p, walk), 0.0, 1.0);
           cut_fraction_[cut++] = outwards ? t : 1 - t;
         }
       }

@@ -8,16 +8,19 @@
 
 #include "runtime/geometry/parallel.h"
 #include "runtime/geometry/tet_mesh.h"
+#include "runtime/geometry/winding_number.h"
 
 namespace sinew::geometry {
 
-/// The solid of a stuffing. All are called from several threads at once.
+/// The solid of a stuffing. Both are called from several threads at once, each with a walk of its own through places
+/// that are near one another.
 struct StuffingDomain {
-  std::function<bool(const Eigen::Vector3d&)> inside;
+  /// 0 or 1 for each point.
+  std::function<void(std::span<const Eigen::Vector3d> points, std::span<char> inside, WindingNumber::Walk& walk)>
+      inside;
   /// Where the segment from a point inside to one outside leaves the solid, 0..1.
-  std::function<double(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside)> crossing;
-  /// `inside` of many points that are near one another, 0 or 1 each, where that is cheaper; may be empty.
-  std::function<void(std::span<const Eigen::Vector3d> points, std::span<char> inside)> inside_many = {};
+  std::function<double(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside, WindingNumber::Walk& walk)>
+      crossing;
 };
 
 /// Isosurface stuffing (Labelle & Shewchuk 2007) over a uniform body-centred cubic lattice: lattice points near the

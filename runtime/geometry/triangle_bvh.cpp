@@ -149,9 +149,10 @@ bool TriangleBvh::touches(const AlignedBox3d& box) const {
   return found;
 }
 
-void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing>& crossings) const {
-  crossings.clear();
+template <class Visit>
+void TriangleBvh::alongSegment(const Vector3d& a, const Vector3d& b, const Visit& visit) const {
   const Vector3d direction = b - a;
+  const Eigen::Array3d inverse = 1 / direction.array();
   const auto meets = [&](const Node& node, std::uint32_t) {
     double low = 0, high = 1;
     for (int axis = 0; axis < 3; ++axis) {
@@ -160,16 +161,19 @@ void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Cr
         if (a[axis] < least || a[axis] > most) return false;
         continue;
       }
-      double near = (least - a[axis]) / direction[axis];
-      double far = (most - a[axis]) / direction[axis];
-      if (near > far) std::swap(near, far);
-      low = std::max(low, near - 1e-12);
-      high = std::min(high, far + 1e-12);
-      if (low > high) return false;
+      const double near = (least - a[axis]) * inverse[axis], far = (most - a[axis]) * inverse[axis];
+      low = std::max(low, std::min(near, far) - 1e-12);
+      high = std::min(high, std::max(near, far) + 1e-12);
     }
-    return true;
+    return low <= high;
   };
-  tree_.descend(meets, [&](std::uint32_t i) {
+  tree_.descend(meets, visit);
+}
+
+void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing>& crossings) const {
+  crossings.clear();
+  const Vector3d direction = b - a;
+  alongSegment(a, b, [&](std::uint32_t i) {
     const Corners& t = corners_[i];
     const double parameter = segmentCrossing(a, direction, t);
     if (parameter >= 0) crossings.push_back({parameter, (t[1] - t[0]).cross(t[2] - t[0]).dot(direction) < 0 ? 1 : -1});
@@ -177,6 +181,34 @@ void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Cr
   std::sort(crossings.begin(), crossings.end(), [](const Crossing& p, const Crossing& q) {
     return p.parameter != q.parameter ? p.parameter < q.parameter : p.winding < q.winding;
   });
+}
+
+std::optional<int> TriangleBvh::windingChange(const Vector3d& a, const Vector3d& b) const {
+  const Vector3d direction = b - a;
+  const double length = direction.lpNorm<Eigen::Infinity>();
+  int sum = 0;
+  bool sure = true;
+  alongSegment(a, b, [&](std::uint32_t i) {
+    // Moller & Trumbore 1997 before its divisions: all of these are positive, for a segment that enters, where it
+    // crosses.
+    const Corners& t = corners_[i];
+    const Vector3d e1 = t[1] - t[0], e2 = t[2] - t[0], s = a - t[0];
+    const Vector3d p = direction.cross(e2), q = s.cross(e1);
+    double determinant = e1.dot(p);
+    const double sign = determinant < 0 ? -1 : 1;
+    determinant *= sign;
+    const double u = sign * s.dot(p), v = sign * direction.dot(q), at = sign * e2.dot(q);
+    // Rounding of products of three lengths, with a wide margin.
+    constexpr double kRounding = 1e-13;
+    const double edge = std::max(e1.lpNorm<Eigen::Infinity>(), e2.lpNorm<Eigen::Infinity>());
+    const double far = edge + s.lpNorm<Eigen::Infinity>() + length;
+    const double slack = kRounding * far * edge * length, slack_along = kRounding * far * edge * far;
+    const double inner = std::min({u, v, determinant - u - v}), along = std::min(at, determinant - at);
+    if (inner < -slack || along < -slack_along) return;
+    sure = sure && inner > slack && along > slack_along;
+    sum += sign > 0 ? 1 : -1;
+  });
+  return sure ? std::optional(sum) : std::nullopt;
 }
 
 }  // namespace sinew::geometry

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -52,8 +53,15 @@ class TriangleBvh {
   bool touches(const Eigen::AlignedBox3d& box) const;
   /// Where the segment a-b crosses triangles, ascending; one entry each triangle.
   void crossings(const Eigen::Vector3d& a, const Eigen::Vector3d& b, std::vector<Crossing>& crossings) const;
+  /// By how much the winding number of a closed surface rises from a to b: the sum of all crossings. None where
+  /// rounding decides whether there is one: a point on a triangle, a segment through its edge or along it.
+  std::optional<int> windingChange(const Eigen::Vector3d& a, const Eigen::Vector3d& b) const;
 
  private:
+  /// Calls visit(place in the tree's order) for triangles whose boxes the segment meets.
+  template <class Visit>
+  void alongSegment(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Visit& visit) const;
+
   BoxTree tree_;
   std::vector<Corners> corners_;
 };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
 
 // Packets are worth it in registers that hold one: the program chooses at start. Sanitizers start too late for that.
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__) && \
@@ -93,9 +95,10 @@ class AngleSum {
     imaginary_ = counts != 0 ? imaginary : imaginary_;
   }
   // A factor is at most 4 and the smallest that is no rounding about 1e-16: some dozens cannot leave a double's range.
-  void normalize() {
+  template <class Which>
+  void normalize(const Which& which) {
     const Real size = squareRoot(real_ * real_ + imaginary_ * imaginary_);
-    const Real scale = size > 0 ? 1 / size : Real{} + 1;
+    const Real scale = (which & (size > 0)) != 0 ? 1 / size : Real{} + 1;
     real_ *= scale;
     imaginary_ *= scale;
   }
@@ -103,6 +106,48 @@ class AngleSum {
 
  private:
   Real real_ = Real{} + 1, imaginary_ = Real{}, turns_ = Real{};
+};
+
+// Points that are asked for at once.
+constexpr std::size_t kAtOnce = 64;
+
+// Triangles over the open edges, each from an edge to the middle of the hole it belongs to: they close the surface.
+struct FansOver {
+  FansOver(std::span<const Vector3d> points, std::span<const std::array<std::uint32_t, 2>> open) {
+    // Holes by what they touch: sets of the edges' ends, the lowest one of each stands for it.
+    std::map<std::uint32_t, std::uint32_t> parent;
+    const auto find = [&](std::uint32_t v) {
+      for (std::uint32_t up = parent[v]; up != v; up = parent[v]) v = parent[v] = parent[up];
+      return v;
+    };
+    for (const auto& edge : open) {
+      for (const std::uint32_t v : edge) parent.try_emplace(v, v);
+      const std::uint32_t p = find(edge[0]), q = find(edge[1]);
+      parent[std::max(p, q)] = std::min(p, q);
+    }
+    struct Hole {
+      Vector3d sum = Vector3d::Zero();
+      std::uint32_t edges = 0, apex = 0;
+    };
+    std::map<std::uint32_t, Hole> holes;
+    for (const auto& [a, b] : open) {
+      Hole& hole = holes[find(a)];
+      hole.sum += (points[a] + points[b]) / 2;
+      ++hole.edges;
+    }
+    for (auto& [first, hole] : holes) {
+      hole.apex = std::uint32_t(positions.size());
+      positions.emplace_back(hole.sum / hole.edges);
+    }
+    for (const auto& [a, b] : open) {
+      const auto end = std::uint32_t(positions.size());
+      positions.push_back(points[a]);
+      positions.push_back(points[b]);
+      triangles.push_back({end + 1, end, holes[find(a)].apex});
+    }
+  }
+  std::vector<Vector3d> positions;
+  std::vector<Triangle> triangles;
 };
 
 // A node's moments, seen from afar: r from the point to their centre.
@@ -150,7 +195,7 @@ Real sumOver(const TriangleBvh& bvh, const std::vector<Moments>& moments, const 
     const TriangleBvh::Node& node = nodes[index];
     if (node.right == 0) {
       for (std::uint32_t i = node.first; i < node.first + node.count; ++i) angles.add(point, corners[i], near);
-      angles.normalize();
+      angles.normalize(near);
       continue;
     }
     stack[depth++] = {node.right, near};
@@ -167,11 +212,48 @@ double triangleWindingNumber(const Vector3d& point, const TriangleBvh::Corners& 
   return sum.windingNumber();
 }
 
-WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<const Triangle> triangles, bool closed)
-    : bvh_(positions, triangles), closed_(closed) {
-  const auto& nodes = bvh_.nodes();
-  const auto& corners = bvh_.corners();
-  moments_.resize(nodes.size());
+std::vector<std::array<std::uint32_t, 2>> openEdges(std::span<const Triangle> triangles) {
+  struct Edge {
+    std::uint32_t low, high;
+    int direction;
+    bool operator<(const Edge& o) const { return low != o.low ? low < o.low : high < o.high; }
+  };
+  std::vector<Edge> edges;
+  edges.reserve(triangles.size() * 3);
+  for (const Triangle& t : triangles) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      edges.push_back({std::min(a, b), std::max(a, b), a < b ? 1 : -1});
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::vector<std::array<std::uint32_t, 2>> open;
+  for (std::size_t i = 0; i < edges.size();) {
+    const auto [low, high, direction] = edges[i];
+    int sum = 0;
+    for (; i < edges.size() && edges[i].low == low && edges[i].high == high; ++i) sum += edges[i].direction;
+    for (; sum > 0; --sum) open.push_back({low, high});
+    for (; sum < 0; ++sum) open.push_back({high, low});
+  }
+  return open;
+}
+
+WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<const Triangle> triangles)
+    : surface_(positions, triangles) {
+  // Fans are worth it where they are far fewer than the triangles.
+  const auto open = openEdges(triangles);
+  closed_ = open.empty();
+  whole_ = open.size() <= triangles.size() / 4;
+  if (closed_ || !whole_) return;
+  const FansOver fans(positions, open);
+  fans_ = Dipoles(fans.positions, fans.triangles);
+}
+
+WindingNumber::Dipoles::Dipoles(std::span<const Vector3d> positions, std::span<const Triangle> triangles)
+    : bvh(positions, triangles) {
+  const auto& nodes = bvh.nodes();
+  const auto& corners = bvh.corners();
+  moments.resize(nodes.size());
   std::vector<Sums> sums(nodes.size());
   std::vector<double> areas(nodes.size());
   for (std::size_t n = nodes.size(); n-- > 0;) {
@@ -206,12 +288,12 @@ WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<cons
       const std::size_t left = n + 1, right = node.right;
       areas[n] = areas[left] + areas[right];
       center = areas[n] > 0
-                   ? Vector3d((areas[left] * moments_[left].center + areas[right] * moments_[right].center) / areas[n])
+                   ? Vector3d((areas[left] * moments[left].center + areas[right] * moments[right].center) / areas[n])
                    : node.box.center();
-      s.add(sums[left], moments_[left].center - center);
-      s.add(sums[right], moments_[right].center - center);
+      s.add(sums[left], moments[left].center - center);
+      s.add(sums[right], moments[right].center - center);
     }
-    Moments& m = moments_[n];
+    Moments& m = moments[n];
     m.center = center;
     // Of the triangles themselves: the corner of their box is up to sqrt(3) times as far, and the nodes that are near
     // to a point grow in number with the square of it.
@@ -240,14 +322,13 @@ WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<cons
   }
 }
 
-double WindingNumber::at(const Vector3d& point) const {
-  if (bvh_.empty()) return 0;
-  return sumOver<double>(bvh_, moments_, {point.x(), point.y(), point.z()});
+double WindingNumber::Dipoles::at(const Vector3d& point) const {
+  return bvh.empty() ? 0 : sumOver<double>(bvh, moments, {point.x(), point.y(), point.z()});
 }
 
 SINEW_WIDE_AND_PLAIN
-void WindingNumber::at(std::span<const Vector3d> points, std::span<double> result) const {
-  if (bvh_.empty()) {
+void WindingNumber::Dipoles::at(std::span<const Vector3d> points, std::span<double> result) const {
+  if (bvh.empty()) {
     std::fill(result.begin(), result.end(), 0);
     return;
   }
@@ -257,46 +338,98 @@ void WindingNumber::at(std::span<const Vector3d> points, std::span<double> resul
     const Vector3d &p = at(0), &q = at(1), &r = at(2), &s = at(3);
     const Vector<Lanes> packet = {Lanes{p.x(), q.x(), r.x(), s.x()}, Lanes{p.y(), q.y(), r.y(), s.y()},
                                   Lanes{p.z(), q.z(), r.z(), s.z()}};
-    const Lanes sum = sumOver<Lanes>(bvh_, moments_, packet);
+    const Lanes sum = sumOver<Lanes>(bvh, moments, packet);
     for (std::size_t i = first; i <= last; ++i) result[i] = sum[i - first];
   }
 }
 
-void WindingNumber::inside(std::span<const Vector3d> points, std::span<char> result) const {
-  std::array<double, 64> at{};
-  for (std::size_t first = 0; first < points.size(); first += at.size()) {
-    const std::size_t count = std::min(at.size(), points.size() - first);
-    this->at(points.subspan(first, count), std::span(at).first(count));
+double WindingNumber::at(const Vector3d& point) const {
+  const double sum = surface_.at(point);
+  if (!whole_) return sum;
+  const double fans = fans_.at(point);
+  return std::round(sum + fans) - fans;
+}
+
+void WindingNumber::wholeNumbers(std::span<const Vector3d> points, std::span<double> result, Walk& walk) const {
+  std::array<Vector3d, kAtOnce> asked;
+  std::array<std::uint8_t, kAtOnce> asked_for{};
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::optional<int> change;
+    if (walk.known_) {
+      change = surface_.bvh.windingChange(walk.at_, points[i]);
+      const std::optional<int> of_fans = fans_.bvh.windingChange(walk.at_, points[i]);
+      change = change && of_fans ? std::optional(*change + *of_fans) : std::nullopt;
+    }
+    if (!change && walk.known_) {
+      asked[count] = points[i];
+      asked_for[count++] = std::uint8_t(i);
+      continue;
+    }
+    walk.whole_ = change ? walk.whole_ + *change : std::round(surface_.at(points[i]) + fans_.at(points[i]));
+    walk.at_ = points[i];
+    walk.known_ = true;
+    result[i] = walk.whole_;
+  }
+  std::array<double, kAtOnce> sums{}, fans{};
+  surface_.at(std::span(asked).first(count), std::span(sums).first(count));
+  fans_.at(std::span(asked).first(count), std::span(fans).first(count));
+  for (std::size_t k = 0; k < count; ++k) result[asked_for[k]] = std::round(sums[k] + fans[k]);
+}
+
+void WindingNumber::at(std::span<const Vector3d> points, std::span<double> result, Walk& walk) const {
+  if (!whole_) {
+    surface_.at(points, result);
+    return;
+  }
+  std::array<double, kAtOnce> fans{};
+  for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
+    const std::size_t count = std::min(kAtOnce, points.size() - first);
+    const auto some = points.subspan(first, count);
+    const auto numbers = result.subspan(first, count);
+    wholeNumbers(some, numbers, walk);
+    fans_.at(some, std::span(fans).first(count));
+    for (std::size_t i = 0; i < count; ++i) numbers[i] -= fans[i];
+  }
+}
+
+void WindingNumber::inside(std::span<const Vector3d> points, std::span<char> result, Walk& walk) const {
+  std::array<double, kAtOnce> at{};
+  for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
+    const std::size_t count = std::min(kAtOnce, points.size() - first);
+    this->at(points.subspan(first, count), std::span(at).first(count), walk);
     for (std::size_t i = 0; i < count; ++i) result[first + i] = at[i] > 0.5 ? 1 : 0;
   }
 }
 
-double WindingNumber::crossing(const Vector3d& a, const Vector3d& b) const {
+double WindingNumber::crossing(const Vector3d& a, const Vector3d& b, Walk& walk) const {
   const Vector3d direction = b - a;
   std::vector<TriangleBvh::Crossing> hits;
-  bvh_.crossings(a, b, hits);
+  surface_.bvh.crossings(a, b, hits);
+  const auto within = [&](double parameter) {
+    const Vector3d point = a + direction * parameter;
+    char answer = 0;
+    inside({&point, 1}, {&answer, 1}, walk);
+    return answer != 0;
+  };
   if (closed_) {
     // One crossing needs no further question; with several, the first after which a point lies outside.
     for (std::size_t i = 0; i < hits.size(); ++i) {
       if (i + 1 == hits.size()) return hits[i].parameter;
       const double middle = (hits[i].parameter + hits[i + 1].parameter) / 2;
-      if (middle - hits[i].parameter > 1e-9 && !inside(a + direction * middle)) return hits[i].parameter;
+      if (middle - hits[i].parameter > 1e-9 && !within(middle)) return hits[i].parameter;
     }
   } else {
     // Near a hole the level 1/2 leaves the triangles: ask on both sides of each.
     for (const TriangleBvh::Crossing& hit : hits) {
       constexpr double kAside = 1e-4;
       if (hit.winding > 0) continue;
-      const std::array<Vector3d, 2> sides = {a + direction * (hit.parameter - kAside),
-                                             a + direction * (hit.parameter + kAside)};
-      std::array<char, 2> within{};
-      inside(sides, within);
-      if (within[0] != 0 && within[1] == 0) return hit.parameter;
+      if (within(hit.parameter - kAside) && !within(hit.parameter + kAside)) return hit.parameter;
     }
   }
   constexpr int kRounds = 7;  // 1e-5 of the segment
   return leavingPoint(a, b, kRounds,
-                      [this](std::span<const Vector3d> points, std::span<char> result) { inside(points, result); });
+                      [&](std::span<const Vector3d> points, std::span<char> result) { inside(points, result, walk); });
 }
 
 }  // namespace sinew::geometry

@@ -66,21 +66,31 @@ Angles checkMesh(const TetMesh& mesh, const std::string& what) {
   return angles;
 }
 
+// Of each point alone, and where a segment leaves.
+template <class Inside, class Crossing>
+StuffingDomain domainOf(const Inside& inside, const Crossing& crossing) {
+  return {[inside](std::span<const Vector3d> points, std::span<char> result, WindingNumber::Walk&) {
+            std::transform(points.begin(), points.end(), result.begin(),
+                           [&](const auto& p) { return inside(p) ? 1 : 0; });
+          },
+          [crossing](const Vector3d& a, const Vector3d& b, WindingNumber::Walk&) { return crossing(a, b); }};
+}
+
 StuffingDomain domainOf(const std::function<double(const Vector3d&)>& value) {
-  return {[value](const Vector3d& p) { return value(p) < 0; },
-          [value](const Vector3d& a, const Vector3d& b) {
-            double low = 0, high = 1;
-            for (int i = 0; i < 40; ++i) {
-              const double middle = (low + high) / 2;
-              (value(a + (b - a) * middle) < 0 ? low : high) = middle;
-            }
-            return (low + high) / 2;
-          }};
+  return domainOf([value](const Vector3d& p) { return value(p) < 0; },
+                  [value](const Vector3d& a, const Vector3d& b) {
+                    double low = 0, high = 1;
+                    for (int i = 0; i < 40; ++i) {
+                      const double middle = (low + high) / 2;
+                      (value(a + (b - a) * middle) < 0 ? low : high) = middle;
+                    }
+                    return (low + high) / 2;
+                  });
 }
 
 StuffingDomain domainOf(const WindingNumber& solid) {
-  return {[&solid](const Vector3d& p) { return solid.inside(p); },
-          [&solid](const Vector3d& a, const Vector3d& b) { return solid.crossing(a, b); }};
+  return {[&solid](auto points, auto result, auto& walk) { solid.inside(points, result, walk); },
+          [&solid](const Vector3d& a, const Vector3d& b, auto& walk) { return solid.crossing(a, b, walk); }};
 }
 
 // Labelle & Shewchuk 2007, table 1.
@@ -111,13 +121,14 @@ TEST(Stuffing, AnglesForArbitrarySignsAndCuts) {
       return random.unit();
     };
     // Extremes of the cut are where the angles are worst: half of the cuts lie at the warp thresholds.
-    const StuffingDomain domain = {[&](const Vector3d& p) { return p.cwiseAbs().maxCoeff() < 1 && noise(p) < solid; },
-                                   [&](const Vector3d& a, const Vector3d& b) {
-                                     const double t = noise((a + b) / 2);
-                                     if (t < 0.3) return 0.412;
-                                     if (t < 0.6) return 0.588;
-                                     return noise((a + b) / 2 + Vector3d::Constant(9));
-                                   }};
+    const StuffingDomain domain =
+        domainOf([&](const Vector3d& p) { return p.cwiseAbs().maxCoeff() < 1 && noise(p) < solid; },
+                 [&](const Vector3d& a, const Vector3d& b) {
+                   const double t = noise((a + b) / 2);
+                   if (t < 0.3) return 0.412;
+                   if (t < 0.6) return 0.588;
+                   return noise((a + b) / 2 + Vector3d::Constant(9));
+                 });
     const TetMesh mesh = stuffIsosurface(domain, {Vector3d::Constant(-1), Vector3d::Constant(1)}, 0.3);
     const Angles angles = checkMesh(mesh, "seed " + std::to_string(seed));
     EXPECT_GE(angles.smallest, kStuffingSmallest) << seed;
@@ -128,7 +139,7 @@ TEST(Stuffing, AnglesForArbitrarySignsAndCuts) {
 TEST(Stuffing, VolumeConvergesToTheSolid) {
   for (std::uint32_t seed = 1; seed <= 5; ++seed) {
     const testing::Surface surface = testing::blob(seed, 40);
-    const WindingNumber solid(surface.positions, surface.triangles, true);
+    const WindingNumber solid(surface.positions, surface.triangles);
     const TetMesh coarse = stuffIsosurface(domainOf(solid), surface.bounds(), 0.3);
     const TetMesh fine = stuffIsosurface(domainOf(solid), surface.bounds(), 0.15);
     const double exact = surface.volume();
@@ -140,7 +151,7 @@ TEST(Stuffing, VolumeConvergesToTheSolid) {
 
 TEST(Stuffing, SameResultHoweverTheLoopIsCut) {
   const testing::Surface surface = testing::torus(1, 0.35, 40);
-  const WindingNumber solid(surface.positions, surface.triangles, true);
+  const WindingNumber solid(surface.positions, surface.triangles);
   const ParallelFor backwards = [](std::size_t count, std::size_t grain,
                                    const std::function<void(std::size_t, std::size_t)>& body) {
     for (std::size_t piece = (count + grain - 1) / grain; piece-- > 0;) {
@@ -174,7 +185,7 @@ TEST(Grid, FitKeepsAngles) {
 
 TEST(Grid, KeepsASlabsThicknessWhereAnglesAllow) {
   const testing::Surface slab = testing::box({1, 0.1, 1}, 4);
-  const WindingNumber solid(slab.positions, slab.triangles, true);
+  const WindingNumber solid(slab.positions, slab.triangles);
   CellGrid grid = fitGrid(slab.bounds(), 0.2, 30);
   keepTouchedCells(grid, solid.bvh(), &solid);
   const TetMesh mesh = gridTetrahedra(grid);
@@ -192,7 +203,7 @@ TEST(Grid, MenagerieHoldsAndCoversTheSurface) {
                                                                         {"hollow", hollow},
                                                                         {"blob", testing::blob(3, 30)}};
   for (const auto& [name, surface] : shapes) {
-    const WindingNumber solid(surface.positions, surface.triangles, true);
+    const WindingNumber solid(surface.positions, surface.triangles);
     for (const double spacing : {0.5, 0.23}) {
       CellGrid grid = fitGrid(surface.bounds(), spacing, 30);
       keepTouchedCells(grid, solid.bvh(), &solid);
@@ -201,7 +212,7 @@ TEST(Grid, MenagerieHoldsAndCoversTheSurface) {
       EXPECT_GE(checkMesh(mesh, name).smallest, 30) << name;
       EXPECT_GE(volume(mesh), surface.volume() * (1 - 1e-9)) << name;
       const auto faces = boundaryFaces(mesh);
-      const WindingNumber cage(mesh.positions, faces, true);
+      const WindingNumber cage(mesh.positions, faces);
       for (const auto& p : surface.positions) {
         EXPECT_TRUE(cage.inside(p) || cage.bvh().closest(p).squared_distance < 1e-6) << name;
       }
@@ -225,7 +236,7 @@ TEST(Grid, KeepsASheetThatRunsBetweenBoxes) {
         p[(axis + 2) % 3] = corner[1];
       }
       const std::vector<Triangle> triangles = {{0, 1, 2}, {0, 2, 3}};
-      const WindingNumber sheet(positions, triangles, true);
+      const WindingNumber sheet(positions, triangles);
       CellGrid grid = fitGrid({Vector3d::Zero(), Vector3d::Ones()}, 0.25, 30);
       keepTouchedCells(grid, sheet.bvh(), nullptr);
       EXPECT_EQ(std::count(grid.kept.begin(), grid.kept.end(), char(1)), 16) << axis << " at " << place;

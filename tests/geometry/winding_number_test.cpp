@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <vector>
@@ -24,8 +26,8 @@ double bruteForce(const testing::Surface& s, const Vector3d& p) {
 }
 
 // Largest error over points within and well around the surface.
-double largestError(const testing::Surface& s, bool closed, std::uint64_t seed) {
-  const WindingNumber winding(s.positions, s.triangles, closed);
+double largestError(const testing::Surface& s, std::uint64_t seed) {
+  const WindingNumber winding(s.positions, s.triangles);
   AlignedBox3d box = s.bounds();
   const Vector3d margin = box.sizes() / 2;
   box.extend(box.min() - margin);
@@ -48,17 +50,17 @@ TEST(WindingNumber, OneTriangleMatchesTheOctant) {
 }
 
 TEST(WindingNumber, MatchesBruteForce) {
-  EXPECT_LT(largestError(testing::sphere(1, 40), true, 1), 1e-2);
-  EXPECT_LT(largestError(testing::torus(1, 0.3, 60), true, 2), 1e-2);
-  EXPECT_LT(largestError(testing::box({4, 1, 0.1}, 20), true, 3), 1e-2);
-  for (std::uint32_t seed = 1; seed < 4; ++seed) EXPECT_LT(largestError(testing::blob(seed, 40), true, seed), 1e-2);
+  EXPECT_LT(largestError(testing::sphere(1, 40), 1), 1e-2);
+  EXPECT_LT(largestError(testing::torus(1, 0.3, 60), 2), 1e-2);
+  EXPECT_LT(largestError(testing::box({4, 1, 0.1}, 20), 3), 1e-2);
+  for (std::uint32_t seed = 1; seed < 4; ++seed) EXPECT_LT(largestError(testing::blob(seed, 40), seed), 1e-2);
 }
 
 // Far and near points, some on triangles, some counts that no packet divides.
 TEST(WindingNumber, ManyPointsAtOnceGiveTheSameBits) {
   testing::Surface open = testing::blob(7, 40);
   open.triangles.resize(open.triangles.size() * 9 / 10);
-  const WindingNumber winding(open.positions, open.triangles, false);
+  const WindingNumber winding(open.positions, open.triangles);
   testing::Random random(11);
   std::vector<Vector3d> points(open.positions.begin(), open.positions.begin() + 20);
   for (const Triangle& t : std::span(open.triangles).first(20)) {
@@ -83,11 +85,11 @@ TEST(WindingNumber, ManyPointsAtOnceGiveTheSameBits) {
 TEST(WindingNumber, MatchesBruteForceOnOpenAndSelfIntersectingSurfaces) {
   testing::Surface open = testing::sphere(1, 40);
   open.triangles.resize(open.triangles.size() * 4 / 5);
-  EXPECT_LT(largestError(open, false, 5), 1e-2);
+  EXPECT_LT(largestError(open, 5), 1e-2);
   testing::Surface two = testing::sphere(1, 30);
   two.append(testing::sphere(1, 30), {1, 0, 0});
-  EXPECT_LT(largestError(two, true, 6), 1e-2);
-  const WindingNumber winding(two.positions, two.triangles, true);
+  EXPECT_LT(largestError(two, 6), 1e-2);
+  const WindingNumber winding(two.positions, two.triangles);
   EXPECT_NEAR(winding.at({0.5, 0, 0}), 2, 1e-2);
 }
 
@@ -96,7 +98,7 @@ TEST(WindingNumber, SecondOrderFallsOffFasterThanFirst) {
   // square: doubling the distance gains far more than the 16 of a first-order one (for an open cap, no symmetry).
   testing::Surface cap = testing::blob(7, 24);
   cap.triangles.resize(cap.triangles.size() / 3);
-  const WindingNumber winding(cap.positions, cap.triangles, false);
+  const WindingNumber winding(cap.positions, cap.triangles);
   double near = 0, far = 0;
   testing::Random random(8);
   for (int i = 0; i < 200; ++i) {
@@ -112,7 +114,7 @@ TEST(WindingNumber, SecondOrderFallsOffFasterThanFirst) {
 TEST(WindingNumber, HoleDoesNotMoveTheInside) {
   testing::Surface s = testing::box({1, 1, 1}, 8);
   s.triangles.erase(s.triangles.begin(), s.triangles.begin() + 2);
-  const WindingNumber winding(s.positions, s.triangles, false);
+  const WindingNumber winding(s.positions, s.triangles);
   EXPECT_TRUE(winding.inside({0, 0, 0}));
   EXPECT_TRUE(winding.inside({0.45, 0.45, 0.45}));
   EXPECT_FALSE(winding.inside({0.55, 0.55, 0.55}));
@@ -120,7 +122,7 @@ TEST(WindingNumber, HoleDoesNotMoveTheInside) {
 
 TEST(WindingNumber, InsideWhereAnalyticSolidsAre) {
   const testing::Surface ring = testing::torus(1, 0.3, 160);
-  const WindingNumber winding(ring.positions, ring.triangles, true);
+  const WindingNumber winding(ring.positions, ring.triangles);
   testing::Random random(9);
   int inside = 0;
   for (int i = 0; i < 4000; ++i) {
@@ -134,15 +136,80 @@ TEST(WindingNumber, InsideWhereAnalyticSolidsAre) {
 }
 
 TEST(WindingNumber, CrossingLiesOnTheSurface) {
-  for (const bool closed : {true, false}) {
-    const testing::Surface ball = testing::sphere(1, 60);
-    const WindingNumber winding(ball.positions, ball.triangles, closed);
+  for (const std::size_t hole : {std::size_t(0), std::size_t(40)}) {
+    testing::Surface ball = testing::sphere(1, 60);
+    ball.triangles.resize(ball.triangles.size() - hole);
+    const WindingNumber winding(ball.positions, ball.triangles);
+    EXPECT_EQ(winding.closed(), hole == 0);
     testing::Random random(11);
+    WindingNumber::Walk walk;
+    int through_triangles = 0;
     for (int i = 0; i < 300; ++i) {
       Vector3d a = random.inBox({Vector3d::Constant(-0.5), Vector3d::Constant(0.5)});
       Vector3d b = random.inBox({Vector3d::Constant(1.1), Vector3d::Constant(2)});
-      const Vector3d hit = a + (b - a) * winding.crossing(a, b);
+      if (i % 2 == 1) b = -b;
+      std::vector<TriangleBvh::Crossing> hits;
+      winding.bvh().crossings(a, b, hits);
+      if (hits.empty()) continue;
+      ++through_triangles;
+      const Vector3d hit = a + (b - a) * winding.crossing(a, b, walk);
       EXPECT_LT(std::sqrt(winding.bvh().closest(hit).squared_distance), 1e-4);
+    }
+    EXPECT_GT(through_triangles, 280);
+  }
+}
+
+// Edges that are used twice the same way count twice.
+TEST(WindingNumber, OpenEdgesOfAFinAndOfNothing) {
+  const std::vector<Triangle> twice = {{0, 1, 2}, {0, 1, 3}};
+  const auto open = openEdges(twice);
+  EXPECT_EQ(open.size(), 6U);
+  EXPECT_EQ(std::count(open.begin(), open.end(), std::array<std::uint32_t, 2>{0, 1}), 2);
+  EXPECT_TRUE(openEdges(testing::sphere(1, 8).triangles).empty());
+}
+
+TEST(WindingNumber, WholeNumbersOfAClosedSurface) {
+  testing::Surface two = testing::blob(3, 30);
+  two.append(testing::blob(4, 30), {0.5, 0.2, 0});
+  const WindingNumber winding(two.positions, two.triangles);
+  testing::Random random(12);
+  int seen[3] = {};
+  for (int i = 0; i < 1000; ++i) {
+    const double at = winding.at(random.inBox(two.bounds()));
+    ASSERT_TRUE(at == 0 || at == 1 || at == 2) << at;
+    ++seen[int(at)];
+  }
+  for (const int count : seen) EXPECT_GT(count, 10);
+}
+
+// Walks over lattices whose lines run along edges, through corners and in faces, and over a crumpled surface with
+// holes.
+TEST(WindingNumber, WalksGiveTheBitsOfEachPointAlone) {
+  std::vector<testing::Surface> surfaces = {testing::box({1, 1, 1}, 4), testing::sphere(1, 12), testing::blob(6, 24),
+                                            testing::blob(6, 24)};
+  testing::Random random(13);
+  for (Vector3d& p : surfaces[3].positions) {
+    p += random.inBox({Vector3d::Constant(-0.1), Vector3d::Constant(0.1)});
+  }
+  surfaces[3].triangles.erase(surfaces[3].triangles.begin() + 50, surfaces[3].triangles.begin() + 80);
+  for (const testing::Surface& s : surfaces) {
+    const WindingNumber winding(s.positions, s.triangles);
+    const AlignedBox3d box = s.bounds();
+    std::vector<Vector3d> points;
+    constexpr int kSteps = 16;  // multiples of the box's own
+    for (int i = 0; i < kSteps * kSteps * kSteps; ++i) {
+      const Vector3d at = Vector3d(i % kSteps - 2, i / kSteps % kSteps - 2, i / kSteps / kSteps - 2) / (kSteps - 4);
+      points.emplace_back(box.min() + box.sizes().cwiseProduct(at));
+    }
+    std::vector<double> together(points.size());
+    winding.at(points, together);
+    WindingNumber::Walk walk;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double alone = winding.at(points[i]);
+      ASSERT_EQ(together[i], alone) << points[i].transpose();
+      double walked = 0;
+      winding.at({&points[i], 1}, {&walked, 1}, walk);
+      ASSERT_EQ(walked, alone) << points[i].transpose();
     }
   }
 }
@@ -150,9 +217,10 @@ TEST(WindingNumber, CrossingLiesOnTheSurface) {
 TEST(WindingNumber, CrossingOfOverlappingPartsIsTheOutermost) {
   testing::Surface two = testing::box({2, 2, 2}, 3);
   two.append(testing::box({2, 2, 2}, 3), {1, 0.1, 0.1});
-  const WindingNumber winding(two.positions, two.triangles, true);
+  const WindingNumber winding(two.positions, two.triangles);
+  WindingNumber::Walk walk;
   // From (0,0,0) along x: leaves the first box at 1 while inside the second, which ends at 2.
-  EXPECT_NEAR(winding.crossing({0, 0.03, 0.01}, {4, 0.03, 0.01}), 0.5, 1e-12);
+  EXPECT_NEAR(winding.crossing({0, 0.03, 0.01}, {4, 0.03, 0.01}, walk), 0.5, 1e-12);
 }
 
 TEST(WindingNumber, PlaceOfLeavingIsFoundInRoundsOfFour) {
@@ -190,7 +258,7 @@ TEST(WindingNumber, ScaleDoesNotMatter) {
   for (const double scale : {1e-6, 1e6}) {
     testing::Surface s = testing::blob(2, 20);
     for (auto& p : s.positions) p *= scale;
-    const WindingNumber winding(s.positions, s.triangles, true);
+    const WindingNumber winding(s.positions, s.triangles);
     EXPECT_TRUE(winding.inside(Vector3d::Zero()));
     EXPECT_FALSE(winding.inside(Vector3d(5, 5, 5) * scale));
   }

@@ -73,7 +73,7 @@ void expectCovered(const VisualMesh& mesh, const PhysicalMesh& physical, double 
   double farthest = 0;
   for (const PhysicalPiece& body : physical.pieces) {
     const geometry::TetMesh one = testing::bodyMesh(physical, body);
-    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
+    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one));
     if (physical.pieces.size() > 1) return;
     for (const Vector3d& p : mesh.positions) {
       if (!cage.inside(p)) farthest = std::max(farthest, std::sqrt(cage.bvh().closest(p).squared_distance));

@@ -218,7 +218,7 @@ TEST(Tetrahedralize, ReentrantCornerIsNotFilled) {
     checkPhysicalMesh(mesh, testing::name(method));
     EXPECT_NEAR(mesh.pieces.at(0).source_volume, exact, 0.02 * exact);
     const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
-    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
+    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one));
     EXPECT_FALSE(cage.inside({0.2, 0.45, 0})) << testing::name(method);
     EXPECT_TRUE(cage.inside({-0.25, 0, 0})) << testing::name(method);
   }
@@ -233,7 +233,7 @@ TEST(Tetrahedralize, ASkinAloneBecomesALayer) {
     EXPECT_LT(mesh.pieces[0].source_volume, 0);
     EXPECT_NE(findingOf(mesh, "tetrahedra-method"), nullptr);
     const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
-    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
+    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one));
     for (const auto& p : skin.positions) {
       EXPECT_TRUE(cage.inside(p) || cage.bvh().closest(p).squared_distance < 1e-6);
     }
@@ -421,7 +421,7 @@ TEST(Tetrahedralize, DelaunayNeverReturnsTheShellOfAWrapThatWentInside) {
     checkPhysicalMesh(mesh, "open box");
     EXPECT_GT(ratio(mesh), 0.8);
     const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
-    EXPECT_TRUE(geometry::WindingNumber(one.positions, geometry::boundaryFaces(one), true).inside({0.1, 0, 0}));
+    EXPECT_TRUE(geometry::WindingNumber(one.positions, geometry::boundaryFaces(one)).inside({0.1, 0, 0}));
   } catch (const ToolError& error) {
     EXPECT_EQ(error.code(), ExitCode::bad_input);
     EXPECT_NE(std::string(error.what()).find("alpha wrap"), std::string::npos) << error.what();

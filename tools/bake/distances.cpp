@@ -41,6 +41,7 @@ void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d
                    const std::vector<char>& inside, const geometry::WindingNumber& winding,
                    std::vector<double>& distance) {
   std::vector<Vector3d> lids;
+  geometry::WindingNumber::Walk walk;
   const std::size_t steps[] = {1, grid.nodes[0], std::size_t(grid.nodes[0]) * grid.nodes[1]};
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -49,7 +50,7 @@ void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d
         continue;
       if (distance[i] + distance[other] <= (nodes[other] - nodes[i]).norm() * (1 + 1e-9)) continue;
       const Vector3d &in = nodes[inside[i] != 0 ? i : other], &out = nodes[inside[i] != 0 ? other : i];
-      lids.push_back(in + winding.crossing(in, out) * (out - in));
+      lids.push_back(in + winding.crossing(in, out, walk) * (out - in));
     }
   }
   if (lids.empty()) return;
@@ -103,7 +104,7 @@ void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3
     for (const std::uint32_t v : triangle) key.raw(&positions[v], sizeof positions[v]);
   }
   const std::vector<double> distance = cache.get("distances", stageKey(key.take()), [&] {
-    const geometry::WindingNumber winding(positions, triangles, false);
+    const geometry::WindingNumber winding(positions, triangles);
     std::vector<char> inside(nodes.size());
     winding.inside(nodes, inside);
     std::vector<double> made;

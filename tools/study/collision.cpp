@@ -337,8 +337,8 @@ std::vector<Vector3d> probesOf(const Surface& surface) {
 class Parting {
  public:
   Parting(const Surface& a, const Surface& b)
-      : in_a_(a.points, a.triangles, true),
-        in_b_(b.points, b.triangles, true),
+      : in_a_(a.points, a.triangles),
+        in_b_(b.points, b.triangles),
         of_a_(probesOf(a)),
         of_b_(probesOf(b)) {}
 

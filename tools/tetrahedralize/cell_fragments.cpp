@@ -116,7 +116,7 @@ class CellCutter {
     LatticeCell cell;
     findTriangles(cell);
     if (cell.triangles.empty()) {
-      cell.solid = !piece_.encloses || piece_.winding.inside(samplePosition(0));
+      cell.solid = !piece_.encloses || windingAt(samplePosition(0)) > 0.5;
       return cell;
     }
     Sets sets(cell.triangles.size());
@@ -351,9 +351,14 @@ class CellCutter {
     return first;
   }
 
+  double windingAt(const Vector3d& p) const {
+    double result = 0;
+    piece_.winding.at({&p, 1}, {&result, 1}, walk_);
+    return result;
+  }
   bool solidOnce(double winding) const { return winding > kSolid && winding < most_winding_; }
   bool between(const Vector3d& a, const Vector3d& b) const {
-    return std::isinf(most_winding_) || solidOnce(piece_.winding.at((a + b) / 2));
+    return std::isinf(most_winding_) || solidOnce(windingAt((a + b) / 2));
   }
   void chooseLookouts(const LatticeCell& cell, Sets& sets) {
     lookouts_.clear();
@@ -384,7 +389,7 @@ class CellCutter {
     std::array<Vector3d, kSamples> points;
     std::array<double, kSamples> winding{};
     for (std::size_t s = 0; s < kSamples; ++s) points[s] = samplePosition(s);
-    piece_.winding.at(points, winding);
+    piece_.winding.at(points, winding, walk_);
     for (std::size_t s = 0; s < kSamples; ++s) {
       if (solidOnce(winding[s])) sample_set_[s] = kUnknown;
     }
@@ -457,7 +462,7 @@ class CellCutter {
     }
     for (std::size_t f = 0; f < 4; ++f) {
       const auto points = faces_.points(number_, f);
-      const std::uint32_t solid = faces_.solid(number_, f, most_winding_);
+      const std::uint32_t solid = faces_.solid(number_, f, most_winding_, walk_);
       for (std::size_t k = 0; k < kFaceSamples; ++k) {
         if ((solid & 1U << k) != 0) cell.face_fragment[f][k] = pieceAt(cell, points[k]);
       }
@@ -496,6 +501,7 @@ class CellCutter {
   std::vector<std::array<std::uint32_t, 3>> edges_;
   std::vector<std::uint32_t> candidates_, lookouts_;
   double most_winding_ = 0;
+  mutable geometry::WindingNumber::Walk walk_;       // cells follow one another in space
   std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
 };
 

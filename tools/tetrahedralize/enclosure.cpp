@@ -11,6 +11,7 @@ namespace sinew::tools {
 namespace {
 
 using Eigen::Vector3d;
+using geometry::openEdges;
 using geometry::Triangle;
 using geometry::WindingNumber;
 
@@ -23,35 +24,6 @@ constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
 
 }  // namespace
-
-std::vector<std::array<std::uint32_t, 2>> openEdges(std::span<const Triangle> triangles) {
-  struct Edge {
-    std::uint32_t low, high;
-    int direction;
-    bool operator<(const Edge& o) const { return low != o.low ? low < o.low : high < o.high; }
-  };
-  std::vector<Edge> edges;
-  edges.reserve(triangles.size() * 3);
-  for (const Triangle& t : triangles) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
-      edges.push_back({std::min(a, b), std::max(a, b), a < b ? 1 : -1});
-    }
-  }
-  std::sort(edges.begin(), edges.end());
-  std::vector<std::array<std::uint32_t, 2>> open;
-  for (std::size_t i = 0; i < edges.size();) {
-    std::size_t end = i;
-    int sum = 0;
-    for (; end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high; ++end) {
-      sum += edges[end].direction;
-    }
-    if (sum > 0) open.push_back({edges[i].low, edges[i].high});
-    if (sum < 0) open.push_back({edges[i].high, edges[i].low});
-    i = end;
-  }
-  return open;
-}
 
 Enclosure enclosureOf(std::span<const Vector3d> points, std::span<const Triangle> triangles) {
   Enclosure e;
@@ -84,7 +56,7 @@ Enclosure enclosureOf(std::span<const Vector3d> points, std::span<const Triangle
 }
 
 std::vector<Triangle> withoutWallsAndFins(std::span<const Vector3d> points, std::vector<Triangle> triangles) {
-  const WindingNumber winding(points, triangles, false);
+  const WindingNumber winding(points, triangles);
   std::vector<Triangle> kept;
   for (const Triangle& t : triangles) {
     const Vector3d &a = points[t[0]], &b = points[t[1]], &c = points[t[2]];

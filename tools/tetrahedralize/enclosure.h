@@ -11,10 +11,6 @@
 
 namespace sinew::tools {
 
-/// Edges that triangles run through more often one way than the other, that way, ascending by their lower and higher
-/// end. None means that winding numbers are whole.
-std::vector<std::array<std::uint32_t, 2>> openEdges(std::span<const geometry::Triangle> triangles);
-
 /// Enclosure of triangles, taken together.
 struct Enclosure {
   double area = 0;        ///< m^2

@@ -99,7 +99,7 @@ Outside findOutside(const SolidPiece& piece, const TetMesh& mesh, double reach, 
                     const ParallelFor& parallel_for) {
   Outside outside;
   const std::vector<geometry::Triangle> border = geometry::boundaryFaces(mesh);
-  const geometry::WindingNumber cage(mesh.positions, border, true);
+  const geometry::WindingNumber cage(mesh.positions, border);
   // At most `limit` triangles, evenly over their order.
   const std::size_t step = std::max<std::size_t>(1, piece.triangles.size() / limit);
   const std::size_t samples = (piece.triangles.size() + step - 1) / step;
@@ -164,36 +164,33 @@ class ThickenedSolid {
   }
   geometry::StuffingDomain domain(double spacing) const {
     const double radius = kCoveringRadius * spacing;
-    return {[this, radius](const Vector3d& p) { return inside(p, radius); },
-            [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); },
-            [this, radius](std::span<const Vector3d> points, std::span<char> inside) {
-              insideMany(points, radius, inside);
-            }};
+    return {[this, radius](std::span<const Vector3d> points, std::span<char> result, Walk& walk) {
+              inside(points, radius, result, walk);
+            },
+            [this, radius](const Vector3d& a, const Vector3d& b, Walk& walk) { return crossing(a, b, radius, walk); }};
   }
 
  private:
-  bool inside(const Vector3d& p, double radius) const {
-    return thin_.within(p, radius) || piece_.winding.inside(p);  // the cheap one first
-  }
-  void insideMany(std::span<const Vector3d> points, double radius, std::span<char> inside) const {
+  using Walk = geometry::WindingNumber::Walk;
+  void inside(std::span<const Vector3d> points, double radius, std::span<char> inside, Walk& walk) const {
     std::vector<Vector3d> others;
     for (std::size_t i = 0; i < points.size(); ++i) {
       inside[i] = thin_.within(points[i], radius) ? 1 : 0;
       if (inside[i] == 0) others.push_back(points[i]);
     }
     std::vector<char> answers(others.size());
-    piece_.winding.inside(others, answers);
+    piece_.winding.inside(others, answers, walk);
     auto answer = answers.begin();
     for (char& i : inside) {
       if (i == 0) i = *answer++;
     }
   }
-  double crossing(const Vector3d& a, const Vector3d& b, double radius) const {
+  double crossing(const Vector3d& a, const Vector3d& b, double radius, Walk& walk) const {
     // No point of the edge is further than its length from its end.
-    if (!thin_.within(a, radius + (b - a).norm())) return piece_.winding.crossing(a, b);
+    if (!thin_.within(a, radius + (b - a).norm())) return piece_.winding.crossing(a, b, walk);
     constexpr int kRounds = 6;  // 1e-4 of the edge
     return geometry::leavingPoint(a, b, kRounds, [&](std::span<const Vector3d> points, std::span<char> result) {
-      insideMany(points, radius, result);
+      inside(points, radius, result, walk);
     });
   }
 
@@ -330,6 +327,7 @@ std::vector<double> fillFractions(const SolidPiece& piece, const TetMesh& mesh, 
     }
   }
   parallel_for(fill.size(), 32, [&](std::size_t begin, std::size_t end) {
+    geometry::WindingNumber::Walk walk;
     for (std::size_t i = begin; i < end; ++i) {
       if (!known.empty() && known[i] >= 0) {
         fill[i] = std::max(kLeastFill, known[i]);
@@ -340,7 +338,9 @@ std::vector<double> fillFractions(const SolidPiece& piece, const TetMesh& mesh, 
       AlignedBox3d box;
       for (const std::uint32_t v : t) box.extend(x[v]);
       std::size_t inside = 0;
-      const double middle = piece.winding.at((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4);
+      const Vector3d center = (x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4;
+      double middle = 0;
+      piece.winding.at({&center, 1}, {&middle, 1}, walk);
       // Away from the triangles the winding number is whole, but for the neighbourhood of holes.
       if ((piece.balanced || std::abs(middle - 0.5) > 0.25) && !piece.winding.bvh().touches(box)) {
         inside = middle > 0.5 ? points.size() : 0;
@@ -350,7 +350,7 @@ std::vector<double> fillFractions(const SolidPiece& piece, const TetMesh& mesh, 
         std::transform(points.begin(), points.end(), samples.begin(), [&](const auto& w) {
           return Vector3d(w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]]);
         });
-        piece.winding.inside(samples, answers);
+        piece.winding.inside(samples, answers, walk);
         inside = std::size_t(std::count(answers.begin(), answers.end(), char(1)));
       }
       fill[i] = std::max(kLeastFill, double(inside) / double(points.size()));

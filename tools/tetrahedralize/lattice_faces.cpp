@@ -51,13 +51,14 @@ std::array<Vector3d, kFaceSamples> LatticeFaces::points(std::uint32_t tetrahedro
   return points;
 }
 
-std::uint32_t LatticeFaces::solid(std::uint32_t tetrahedron, std::size_t face, double most) const {
+std::uint32_t LatticeFaces::solid(std::uint32_t tetrahedron, std::size_t face, double most,
+                                  geometry::WindingNumber::Walk& walk) const {
   // Threads that meet here find the same bits.
   std::atomic<std::uint32_t>& kept = answers_[number_[tetrahedron][face]];
   std::uint32_t answer = kept.load(std::memory_order_relaxed);
   if (answer == 0) {
     std::array<double, kFaceSamples> winding{};
-    piece_.winding.at(points(tetrahedron, face), winding);
+    piece_.winding.at(points(tetrahedron, face), winding, walk);
     answer = kKnown;
     for (std::size_t k = 0; k < kFaceSamples; ++k) {
       if (winding[k] > kSolid) answer |= 1U << k;

@@ -37,7 +37,8 @@ class LatticeFaces {
   /// Samples of a face: the same ones from both sides.
   std::array<Eigen::Vector3d, kFaceSamples> points(std::uint32_t tetrahedron, std::size_t face) const;
   /// Bits of the samples around which the surface winds more than half a time, and `most` times at most.
-  std::uint32_t solid(std::uint32_t tetrahedron, std::size_t face, double most) const;
+  std::uint32_t solid(std::uint32_t tetrahedron, std::size_t face, double most,
+                      geometry::WindingNumber::Walk& walk) const;
 
  private:
   static constexpr std::uint32_t kKnown = 1U << 31;

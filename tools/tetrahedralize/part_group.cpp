@@ -53,7 +53,7 @@ void addLids(const Topology& topology, const WeldedSurface& surface, const std::
              PartGroup& group) {
   constexpr std::size_t kMostEdges = 20000;  // each is compared with each
   constexpr double kReach = 1e-3;            // of the solid's diagonal
-  const std::vector<std::array<std::uint32_t, 2>> rim = openEdges(group.triangles);
+  const std::vector<std::array<std::uint32_t, 2>> rim = geometry::openEdges(group.triangles);
   AlignedBox3d box;
   for (const Triangle& t : group.triangles) {
     for (const std::uint32_t v : t) box.extend(surface.points[v]);
@@ -64,7 +64,7 @@ void addLids(const Topology& topology, const WeldedSurface& surface, const std::
     const auto& solid = group.solid_parts;
     if (rim.empty() || std::find(solid.begin(), solid.end(), p) != solid.end()) continue;
     gather(topology, surface, {p}, triangles);
-    const auto border = openEdges(triangles);
+    const auto border = geometry::openEdges(triangles);
     if (rim.size() + border.size() > kMostEdges) continue;
     double length = 0, with = 0, against = 0;
     for (const auto& edge : border) {
@@ -124,7 +124,7 @@ void turnCovers(const WeldedSurface& surface, const std::vector<SolidPart>& soli
   WindingNumber winding;
   for (const SolidPart& s : solids) {
     if (s.closed || s.volume * side > 0) continue;
-    if (winding.bvh().empty()) winding = WindingNumber(surface.points, right, false);
+    if (winding.bvh().empty()) winding = WindingNumber(surface.points, right);
     constexpr std::size_t kSamples = 64;
     const std::size_t step = std::max<std::size_t>(1, s.count / kSamples);
     std::size_t samples = 0, within = 0;

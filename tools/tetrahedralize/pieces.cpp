@@ -85,7 +85,7 @@ void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& grou
       // Outermost, or in a cavity, and inside out.
       for (Triangle& t : groups[a].triangles) std::swap(t[1], t[2]);
       groups[a].enclosure.volume = -groups[a].enclosure.volume;
-      groups[a].winding = WindingNumber(surface.points, groups[a].triangles, groups[a].enclosure.balanced);
+      groups[a].winding = WindingNumber(surface.points, groups[a].triangles);
     }
   }
 }
@@ -201,7 +201,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
   if (group_count > 1) {
     for (PartGroup& group : groups) {
       if (group.enclosure.encloses) {
-        group.winding = WindingNumber(surface.points, group.triangles, group.enclosure.balanced);
+        group.winding = WindingNumber(surface.points, group.triangles);
       }
     }
   }
@@ -290,7 +290,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
     std::sort(piece.parts.begin(), piece.parts.end());
     std::sort(piece.sheets.begin(), piece.sheets.end());
     piece.name = pieceName(mesh, topology, piece.parts);
-    piece.balanced = piece.encloses && openEdges(triangles).empty();
+    piece.balanced = piece.encloses && geometry::openEdges(triangles).empty();
 
     AlignedBox3d bounds;
     for (const Triangle& t : triangles) {
@@ -318,7 +318,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
     for (const Triangle& t : triangles) {
       for (const std::uint32_t v : t) number[v] = formats::kNone;
     }
-    piece.winding = WindingNumber(piece.positions, piece.triangles, piece.balanced);
+    piece.winding = WindingNumber(piece.positions, piece.triangles);
     measureVolume(piece, divergence_volume, parallel_for);
     for (const std::uint32_t p : piece.parts) set.part_piece[p] = static_cast<std::uint32_t>(set.pieces.size());
     set.pieces.push_back(std::move(piece));

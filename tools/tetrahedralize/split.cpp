@@ -23,7 +23,7 @@ constexpr std::uint32_t kCrumb = 12;
 
 // Pairs of fragments of two neighbours that meet on their face.
 Pairs meetings(const SolidPiece& piece, const LatticeFaces& faces, const InnerFace& face, const LatticeCell& first,
-               const LatticeCell& second) {
+               const LatticeCell& second, geometry::WindingNumber::Walk& walk) {
   Pairs pairs;
   const auto add = [&](std::uint32_t a, std::uint32_t b) {
     if (std::find(pairs.begin(), pairs.end(), std::array{a, b}) == pairs.end()) pairs.push_back({a, b});
@@ -49,7 +49,7 @@ Pairs meetings(const SolidPiece& piece, const LatticeFaces& faces, const InnerFa
   }
   if (!piece.encloses) return pairs;
   if (simple) {
-    if (faces.solid(face.first, face.first_face, std::numeric_limits<double>::infinity()) != 0) return {{0, 0}};
+    if (faces.solid(face.first, face.first_face, std::numeric_limits<double>::infinity(), walk) != 0) return {{0, 0}};
     return pairs;
   }
   for (std::size_t k = 0; k < kFaceSamples; ++k) {
@@ -314,8 +314,9 @@ SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double jo
   const std::vector<InnerFace>& faces = lattice_faces.inner();
   std::vector<Pairs> pairs(faces.size());
   parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
+    geometry::WindingNumber::Walk walk;
     for (std::size_t f = begin; f < end; ++f) {
-      pairs[f] = meetings(piece, lattice_faces, faces[f], cells[faces[f].first], cells[faces[f].second]);
+      pairs[f] = meetings(piece, lattice_faces, faces[f], cells[faces[f].first], cells[faces[f].second], walk);
     }
   });
 
