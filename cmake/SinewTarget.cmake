@@ -68,9 +68,8 @@ function(sinew_target name)
       $<$<CXX_COMPILER_ID:GNU>:-Wno-error=maybe-uninitialized>)
     target_link_options(${name} PUBLIC -fsanitize=${SINEW_SANITIZE})
   endif()
-  # tools/CMakeLists.txt has the headers. CGAL is compiled for exact rounding, and the programs for size.
-  if(TARGET sinew_tools_headers AND CMAKE_CURRENT_SOURCE_DIR MATCHES "^${PROJECT_SOURCE_DIR}/tools/"
-     AND NOT with_cgal AND NOT name MATCHES "^sinew(_program|-measure)?$")
+  # tools/CMakeLists.txt has the headers. CGAL is compiled for exact rounding.
+  if(TARGET sinew_tools_headers AND CMAKE_CURRENT_SOURCE_DIR MATCHES "^${PROJECT_SOURCE_DIR}/tools/" AND NOT with_cgal)
     target_precompile_headers(${name} REUSE_FROM sinew_tools_headers)
   endif()
 endfunction()

@@ -8,6 +8,7 @@ namespace sinew::geometry {
 using Solver = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>;
 
 SymmetricEigen symmetricEigen(const Eigen::MatrixXd& matrix) {
+  if (matrix.size() == 0) return {};
   const Solver solver(matrix);
   return {solver.eigenvalues(), solver.eigenvectors()};
 }

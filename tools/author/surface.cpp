@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/author/surface.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -9,6 +8,7 @@
 #include <numeric>
 #include <queue>
 
+#include "runtime/geometry/symmetric_eigen.h"
 #include "tools/author/unfold.h"
 
 namespace sinew::tools {
@@ -272,12 +272,12 @@ std::optional<MirrorPlane> Surface::symmetryPlane() const {
   center /= area;
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const Vector3d& x : mesh_.welded_positions) spread += (x - center) * (x - center).transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
+  const Eigen::MatrixXd axes = geometry::symmetricEigen(spread).vectors;
   std::vector<MirrorPlane> starts;
   const Vector3d middle = 0.5 * (mesh_.bounds_min + mesh_.bounds_max);
   // The x axis first: where several planes are as good, that is the one an artist means.
   for (int k = 0; k < 3; ++k) starts.push_back({middle, Vector3d::Unit(k), 0});
-  for (int k = 0; k < 3; ++k) starts.push_back({center, axes.eigenvectors().col(k), 0});
+  for (int k = 0; k < 3; ++k) starts.push_back({center, axes.col(k), 0});
   const std::size_t step = std::max<std::size_t>(1, mesh_.welded_positions.size() / kSymmetrySamples);
   std::optional<MirrorPlane> best;
   for (MirrorPlane plane : starts) {
@@ -296,8 +296,7 @@ std::optional<MirrorPlane> Surface::symmetryPlane() const {
         along += (x - image) * (x - image).transpose();
       }
       point /= double(middles.size());
-      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(along);
-      const Vector3d normal = solver.eigenvectors().col(2);
+      const Vector3d normal = geometry::symmetricEigen(along).vectors.col(2);
       const double error = mirrorError(point, normal);
       if (!(error < plane.error * 0.999)) break;
       plane = {point, normal, error};

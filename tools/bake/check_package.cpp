@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/bake/check_package.h"
 
-#include <Eigen/Core>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include <string_view>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/geometry/symmetric_eigen.h"
 #include "runtime/geometry/tet_mesh.h"
 #include "tools/attach/attach.h"
 #include "tools/bake/check_source.h"
@@ -284,10 +284,8 @@ class PackageCheck {
       }
       moment = moment / total - (mean / total) * (mean / total).transpose();
       const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
-      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread, Eigen::EigenvaluesOnly);
-      if (cluster.mode != ClusterMode::rigid &&
-          solver.eigenvalues()[0] <= geometry::kMomentCutoff * solver.eigenvalues()[2])
-        flat.push_back(c);
+      const Eigen::VectorXd spreads = geometry::symmetricEigenvalues(spread);
+      if (cluster.mode != ClusterMode::rigid && spreads[0] <= geometry::kMomentCutoff * spreads[2]) flat.push_back(c);
       const auto& s = cluster.a_qq;
       Eigen::Matrix3d inverse;
       inverse << s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2];

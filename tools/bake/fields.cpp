@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/bake/fields.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -12,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "runtime/geometry/symmetric_eigen.h"
 #include "tools/author/pins.h"
 #include "tools/bake/contact_points.h"
 #include "tools/bake/distances.h"
@@ -88,33 +88,6 @@ void appendBlocks(const Eigen::MatrixXd& rows, std::vector<formats::Lanes>& to) 
       to.push_back(lanes);
     }
   }
-}
-
-/// The modes of the sampled rest stiffness: eigenvalues, and eigenvectors as columns. Unknown 3 j + axis is function
-/// driven + j.
-std::pair<Eigen::VectorXd, Eigen::MatrixXd> modesOf(const FieldSpace& space) {
-  const Eigen::Index n = space.values.cols() - Eigen::Index(space.driven_count);
-  Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(3 * n, 3 * n);
-  for (const FieldSample& sample : space.samples) {
-    const Eigen::MatrixX3d g = sample.gradients.bottomRows(n);
-    // Strain of a unit of each unknown: xx, yy, zz, and the shears times sqrt(2).
-    Eigen::MatrixXd strain = Eigen::MatrixXd::Zero(6, 3 * n);
-    const double half = std::sqrt(0.5);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      for (Eigen::Index axis = 0; axis < 3; ++axis) {
-        const Eigen::Index next = (axis + 1) % 3, column = 3 * j + axis;
-        strain(axis, column) = g(j, axis);
-        strain(3 + axis, column) += half * g(j, next);
-        strain(3 + axis, 3 * j + next) += half * g(j, axis);
-      }
-    }
-    const Eigen::RowVectorXd trace = strain.topRows<3>().colwise().sum();
-    stiffness.selfadjointView<Eigen::Lower>().rankUpdate(strain.transpose(), 2 * sample.volume * sample.mu);
-    stiffness.selfadjointView<Eigen::Lower>().rankUpdate(trace.transpose(), sample.volume * sample.lambda);
-  }
-  if (n == 0) return {};  // pins hold all of it
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(stiffness);
-  return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
 /// The addresses of a piece's fields: of all that they depend on, and of what their functions are functions on.
@@ -472,7 +445,7 @@ class PieceFields {
     }
     appendBlocks(at_points, content_.field_point_values);
     field.first_mode = std::uint32_t(content_.field_modes.size());
-    const auto [stiffness, shapes] = modesOf(space);
+    const auto [stiffness, shapes] = geometry::symmetricEigen(field::sampledStiffness(space));
     const Eigen::Index unknowns = stiffness.size();
     for (Eigen::Index block = 0; 8 * block < unknowns; ++block) {
       for (Eigen::Index i = -1; i < unknowns; ++i) {

@@ -151,7 +151,8 @@ void addSamples(const Elastic& elastic, const FieldInput& input, const FieldOpti
   }
 }
 
-// The rest Hessian of the samples and tethers, without driven functions.
+}  // namespace
+
 MatrixXd sampledStiffness(const FieldSpace& space) {
   const Index k = space.values.cols() - space.driven_count, count = Index(space.samples.size());
   std::array<MatrixXd, 3> g;  // slopes along an axis: a row a sample
@@ -173,18 +174,21 @@ MatrixXd sampledStiffness(const FieldSpace& space) {
       result(Eigen::seqN(Index(a), k, 3), Eigen::seqN(Index(b), k, 3)) = block;
     }
   }
-  if (space.tethers.size() > 0) {
-    for (Index a = 0; a < 3; ++a)
-      result(Eigen::seqN(a, k, 3), Eigen::seqN(a, k, 3)) += space.tethers.bottomRightCorner(k, k);
-  }
   return result;
 }
 
-// Of sampledStiffness().
-geometry::SymmetricEigen restModes(const FieldSpace& space) {
-  if (space.values.cols() == space.driven_count) return {};
-  return geometry::symmetricEigen(sampledStiffness(space));
+namespace {
+
+// Of samples and tethers.
+MatrixXd restStiffness(const FieldSpace& space) {
+  MatrixXd result = sampledStiffness(space);
+  const Index k = space.values.cols() - space.driven_count;
+  for (Index a = 0; a < 3 && space.tethers.size() > 0; ++a)
+    result(Eigen::seqN(a, k, 3), Eigen::seqN(a, k, 3)) += space.tethers.bottomRightCorner(k, k);
+  return result;
 }
+
+geometry::SymmetricEigen restModes(const FieldSpace& space) { return geometry::symmetricEigen(restStiffness(space)); }
 
 // Rms difference of the space's static answers from those of all patches, over their rms: one number a load.
 // @param forces 3n x c
@@ -192,7 +196,7 @@ VectorXd staticErrors(const Elastic& elastic, const FieldSpace& space, const Ans
   const Index k = space.values.cols() - space.driven_count;
   const MatrixXd functions = space.values.rightCols(k), nodes = nodeRows(elastic, functions);
   const VectorXd mass = byAxis(elastic.node_mass);
-  MatrixXd stiffness = sampledStiffness(space), loads = coordinates(functions, forces);
+  MatrixXd stiffness = restStiffness(space), loads = coordinates(functions, forces);
   // Rigid motions do not count: a stiff spring holds what the space has of them.
   if (answers.rigid().cols() > 0) {
     const MatrixXd rigid = coordinates(nodes, mass.asDiagonal() * answers.rigid());

@@ -99,4 +99,10 @@ Fields makeFields(const FieldInput& input, const FieldOptions& options);
 /// @param input with the positions, tetrahedra, masses and held vertices that `before` was made from
 Fields reweighed(const Fields& before, const FieldInput& input, const FieldOptions& options);
 
+namespace field {
+/// The rest Hessian of the samples, without tethers and driven functions: 3 f x 3 f for f functions, unknown 3 j +
+/// axis.
+Eigen::MatrixXd sampledStiffness(const FieldSpace& space);
+}  // namespace field
+
 }  // namespace sinew::tools

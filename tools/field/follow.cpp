@@ -8,6 +8,8 @@
 #include <map>
 #include <numeric>
 
+#include "runtime/geometry/symmetric_eigen.h"
+
 namespace sinew::tools::field {
 namespace {
 
@@ -70,7 +72,7 @@ bool onALine(const std::vector<Vector3d>& points) {
   for (const auto& p : points) mean += p / double(points.size());
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (const auto& p : points) spread += (p - mean) * (p - mean).transpose();
-  const Vector3d along = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::VectorXd along = geometry::symmetricEigenvalues(spread);
   return along[1] <= kLine * kLine * along[2];
 }
 
@@ -218,10 +220,10 @@ class Joiner {
       size = std::max(size, (positions_[u] - positions_[v]).norm());
     }
     if (free.size() < 4 || !(size > 0)) return {};
-    Eigen::Matrix4Xd rows(4, Eigen::Index(free.size()));
+    Eigen::MatrixXd rows(4, Eigen::Index(free.size()));
     for (std::size_t i = 0; i < free.size(); ++i)
       rows.col(Eigen::Index(i)) << (positions_[free[i]] - positions_[v]) / size, 1;
-    const Eigen::ColPivHouseholderQR<Eigen::Matrix4Xd> qr(rows);
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(rows);
     if (qr.rank() < 4) return {};
     const Eigen::VectorXd weights = qr.solve(Eigen::Vector4d::UnitW());
     Follower result;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/studio/gizmo.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 
+#include "runtime/geometry/symmetric_eigen.h"
 #include "tools/author/json_text.h"
 #include "tools/studio/pick_panel.h"
 
@@ -62,8 +62,7 @@ std::pair<Vector3d, Vector3d> axisOf(const VisualMesh& mesh, const VisualWeights
     const Vector3d x = mesh.positions[v] - middle;
     spread += weights[v] * x * x.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread);
-  return {middle, solver.eigenvectors().col(2)};
+  return {middle, geometry::symmetricEigen(spread).vectors.col(2)};
 }
 
 }  // namespace
