@@ -3,8 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <numeric>
 #include <optional>
+#include <utility>
 
 // Packets are worth it in registers that hold one: the program chooses at start. Sanitizers start too late for that.
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__) && \
@@ -111,44 +112,35 @@ class AngleSum {
 // Points that are asked for at once.
 constexpr std::size_t kAtOnce = 64;
 
-// Triangles over the open edges, each from an edge to the middle of the hole it belongs to: they close the surface.
-struct FansOver {
-  FansOver(std::span<const Vector3d> points, std::span<const std::array<std::uint32_t, 2>> open) {
-    // Holes by what they touch: sets of the edges' ends, the lowest one of each stands for it.
-    std::map<std::uint32_t, std::uint32_t> parent;
-    const auto find = [&](std::uint32_t v) {
-      for (std::uint32_t up = parent[v]; up != v; up = parent[v]) v = parent[v] = parent[up];
-      return v;
-    };
-    for (const auto& edge : open) {
-      for (const std::uint32_t v : edge) parent.try_emplace(v, v);
-      const std::uint32_t p = find(edge[0]), q = find(edge[1]);
-      parent[std::max(p, q)] = std::min(p, q);
-    }
-    struct Hole {
-      Vector3d sum = Vector3d::Zero();
-      std::uint32_t edges = 0, apex = 0;
-    };
-    std::map<std::uint32_t, Hole> holes;
-    for (const auto& [a, b] : open) {
-      Hole& hole = holes[find(a)];
-      hole.sum += (points[a] + points[b]) / 2;
-      ++hole.edges;
-    }
-    for (auto& [first, hole] : holes) {
-      hole.apex = std::uint32_t(positions.size());
-      positions.emplace_back(hole.sum / hole.edges);
-    }
-    for (const auto& [a, b] : open) {
-      const auto end = std::uint32_t(positions.size());
-      positions.push_back(points[a]);
-      positions.push_back(points[b]);
-      triangles.push_back({end + 1, end, holes[find(a)].apex});
+// Triangles that close a surface along its open edges. Loops of edges are cut shorter, every second corner at a time,
+// so that few triangles are large: from a point most are far, in groups.
+std::vector<Triangle> lidsOf(std::vector<std::array<std::uint32_t, 2>> open) {
+  std::sort(open.begin(), open.end());
+  // As many edges leave a corner as arrive there: a walk along unused ones, of each corner in order, ends where it
+  // began.
+  std::vector<std::size_t> next(open.size());  // by the first edge of a corner
+  std::iota(next.begin(), next.end(), std::size_t(0));
+  const auto nextFrom = [&](std::uint32_t corner) -> std::size_t& {
+    return next[std::size_t(std::lower_bound(open.begin(), open.end(), std::array{corner, 0U}) - open.begin())];
+  };
+  std::vector<Triangle> lids;
+  std::vector<std::uint32_t> loop, shorter;
+  for (std::size_t edge = 0; edge < open.size(); ++edge) {
+    const std::uint32_t start = open[edge][0];
+    if (nextFrom(start) > edge) continue;
+    loop.clear();
+    for (std::uint32_t at = start; loop.empty() || at != start; at = open[nextFrom(at)++][1]) loop.push_back(at);
+    while (loop.size() > 2) {
+      shorter.clear();
+      for (std::size_t i = 0; i < loop.size(); i += 2) {
+        shorter.push_back(loop[i]);
+        if (i + 1 < loop.size()) lids.push_back({loop[i + 1], loop[i], loop[(i + 2) % loop.size()]});
+      }
+      std::swap(loop, shorter);
     }
   }
-  std::vector<Vector3d> positions;
-  std::vector<Triangle> triangles;
-};
+  return lids;
+}
 
 // A node's moments, seen from afar: r from the point to their centre.
 template <class Real, class Moments>
@@ -240,13 +232,10 @@ std::vector<std::array<std::uint32_t, 2>> openEdges(std::span<const Triangle> tr
 
 WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<const Triangle> triangles)
     : surface_(positions, triangles) {
-  // Fans are worth it where they are far fewer than the triangles.
-  const auto open = openEdges(triangles);
+  auto open = openEdges(triangles);
   closed_ = open.empty();
-  whole_ = open.size() <= triangles.size() / 4;
-  if (closed_ || !whole_) return;
-  const FansOver fans(positions, open);
-  fans_ = Dipoles(fans.positions, fans.triangles);
+  whole_ = open.size() <= triangles.size() / 4;  // else lids are about as many as the triangles
+  if (!closed_ && whole_) lids_ = Dipoles(positions, lidsOf(std::move(open)));
 }
 
 WindingNumber::Dipoles::Dipoles(std::span<const Vector3d> positions, std::span<const Triangle> triangles)
@@ -346,8 +335,8 @@ void WindingNumber::Dipoles::at(std::span<const Vector3d> points, std::span<doub
 double WindingNumber::at(const Vector3d& point) const {
   const double sum = surface_.at(point);
   if (!whole_) return sum;
-  const double fans = fans_.at(point);
-  return std::round(sum + fans) - fans;
+  const double lids = lids_.at(point);
+  return std::round(sum + lids) - lids;
 }
 
 void WindingNumber::wholeNumbers(std::span<const Vector3d> points, std::span<double> result, Walk& walk) const {
@@ -358,23 +347,23 @@ void WindingNumber::wholeNumbers(std::span<const Vector3d> points, std::span<dou
     std::optional<int> change;
     if (walk.known_) {
       change = surface_.bvh.windingChange(walk.at_, points[i]);
-      const std::optional<int> of_fans = fans_.bvh.windingChange(walk.at_, points[i]);
-      change = change && of_fans ? std::optional(*change + *of_fans) : std::nullopt;
+      const std::optional<int> of_lids = lids_.bvh.windingChange(walk.at_, points[i]);
+      change = change && of_lids ? std::optional(*change + *of_lids) : std::nullopt;
     }
     if (!change && walk.known_) {
       asked[count] = points[i];
       asked_for[count++] = std::uint8_t(i);
       continue;
     }
-    walk.whole_ = change ? walk.whole_ + *change : std::round(surface_.at(points[i]) + fans_.at(points[i]));
+    walk.whole_ = change ? walk.whole_ + *change : std::round(surface_.at(points[i]) + lids_.at(points[i]));
     walk.at_ = points[i];
     walk.known_ = true;
     result[i] = walk.whole_;
   }
-  std::array<double, kAtOnce> sums{}, fans{};
+  std::array<double, kAtOnce> sums{}, lids{};
   surface_.at(std::span(asked).first(count), std::span(sums).first(count));
-  fans_.at(std::span(asked).first(count), std::span(fans).first(count));
-  for (std::size_t k = 0; k < count; ++k) result[asked_for[k]] = std::round(sums[k] + fans[k]);
+  lids_.at(std::span(asked).first(count), std::span(lids).first(count));
+  for (std::size_t k = 0; k < count; ++k) result[asked_for[k]] = std::round(sums[k] + lids[k]);
 }
 
 void WindingNumber::at(std::span<const Vector3d> points, std::span<double> result, Walk& walk) const {
@@ -382,14 +371,14 @@ void WindingNumber::at(std::span<const Vector3d> points, std::span<double> resul
     surface_.at(points, result);
     return;
   }
-  std::array<double, kAtOnce> fans{};
+  std::array<double, kAtOnce> lids{};
   for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
     const std::size_t count = std::min(kAtOnce, points.size() - first);
     const auto some = points.subspan(first, count);
     const auto numbers = result.subspan(first, count);
     wholeNumbers(some, numbers, walk);
-    fans_.at(some, std::span(fans).first(count));
-    for (std::size_t i = 0; i < count; ++i) numbers[i] -= fans[i];
+    lids_.at(some, std::span(lids).first(count));
+    for (std::size_t i = 0; i < count; ++i) numbers[i] -= lids[i];
   }
 }
 

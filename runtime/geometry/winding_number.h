@@ -15,9 +15,9 @@ namespace sinew::geometry {
 /// triangles are replaced by the second-order expansion of Barill et al. 2018 (eq. 13-16) about their area-weighted
 /// centre; near ones are summed exactly (van Oosterom & Strackee 1983).
 ///
-/// Fans over the open edges close any surface, and a closed one winds a whole number of times around a point: the sum
-/// over both is rounded, and the fans, far fewer than the triangles, taken away again. From a point to the next the
-/// whole number changes by the triangles and fans that the segment between them crosses. (A soup has about as many open
+/// Lids over the open edges close any surface, and a closed one winds a whole number of times around a point: the sum
+/// over both is rounded, and the lids, far fewer than the triangles, taken away again. From a point to the next the
+/// whole number changes by the triangles and lids that the segment between them crosses. (A soup has about as many open
 /// edges as triangles and is summed as it is.)
 ///
 /// Error: about 1e-2 at most, 1.1e-2 seen, with the accuracy used (a group counts as far beyond 2.1 of its radii), none
@@ -84,9 +84,9 @@ class WindingNumber {
   /// Sums of both at the points, rounded.
   void wholeNumbers(std::span<const Eigen::Vector3d> points, std::span<double> result, Walk& walk) const;
 
-  Dipoles surface_, fans_;
+  Dipoles surface_, lids_;
   bool closed_ = false;
-  bool whole_ = false;  ///< with its fans
+  bool whole_ = false;  ///< with its lids
 };
 
 /// Edges that triangles run through more often one way than the other, that way and as often as that, ascending by
