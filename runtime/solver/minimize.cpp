@@ -32,6 +32,19 @@ constexpr double kEnergyNoise = 4e-6;
 
 using Four = Eigen::Array4f;
 
+/// A 3 x 3 matrix times rows of four, whose last is padding.
+class Turn {
+ public:
+  /// \param r nine numbers, column by column.
+  static Turn by(const float* r) { return {{r[0], r[1], r[2], 0}, {r[3], r[4], r[5], 0}, {r[6], r[7], r[8], 0}}; }
+  static Turn back(const float* r) { return {{r[0], r[3], r[6], 0}, {r[1], r[4], r[7], 0}, {r[2], r[5], r[8], 0}}; }
+  Four operator*(const float* v) const { return v[0] * x_ + (v[1] * y_ + v[2] * z_); }
+
+ private:
+  Turn(const Four& x, const Four& y, const Four& z) : x_(x), y_(y), z_(z) {}
+  Four x_, y_, z_;
+};
+
 }  // namespace
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
@@ -256,13 +269,14 @@ double Objective::rub(float* gradient) const {
 
 double Objective::besideElastic(const float* d, float* gradient) const {
   const float inertia = float(1 / (h * h));
-  double squared = 0;
-  for (std::uint32_t i = 4 * field->driven; i < 4 * field->k; ++i) {
-    const float way = has_offset ? d[i] + scratch->offset[i] : d[i];
-    squared += double(way) * double(way);
-    if (gradient != nullptr) gradient[i] += inertia * way;
+  Eigen::Array4d squared = Eigen::Array4d::Zero();
+  for (std::uint32_t i = 4 * field->driven; i < 4 * field->k; i += 4) {
+    Four way = Four::Map(d + i);
+    if (has_offset) way += Four::Map(scratch->offset.data() + i);
+    squared += way.cast<double>().square();
+    if (gradient != nullptr) Four::Map(gradient + i) += inertia * way;
   }
-  return 0.5 / (h * h) * squared + external(d, gradient);
+  return 0.5 / (h * h) * ((squared[0] + squared[1]) + squared[2]) + external(d, gradient);
 }
 
 void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Vector3d& rest_center,
@@ -283,20 +297,13 @@ void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, co
 }
 
 void Objective::toFrame(const float* d) const {
-  const float* const r = rotation;
-  float* const local = scratch->x.data();
-  for (std::uint32_t j = 0; j < field->k; ++j) {
-    const float* const from = d + 4 * j;
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      local[4 * j + c] =
-          scratch->shape[4 * j + c] + (r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]));
-    }
-    local[4 * j + 3] = 0;
+  const Turn turn = Turn::back(rotation);
+  for (std::uint32_t j = 0; j < 4 * field->k; j += 4) {
+    Four::Map(scratch->x.data() + j) = Four::Map(scratch->shape.data() + j) + turn * (d + j);
   }
 }
 
 double Objective::elastic(const float* d, float* gradient, bool mark) const {
-  const float* const r = rotation;
   toFrame(d);
   FieldEnergyArguments arguments = {};
   arguments.functions = field->k;
@@ -317,11 +324,8 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
     energy += fibres->fibre_energy +
               symmetric(fibres->fibres.data(), fibres->fibre_pull.data(), scratch->x.data(), field->k, 0, gradient);
   }
-  for (std::uint32_t j = 0; j < field->k; ++j) {
-    float* const row = gradient + 4 * j;
-    const float pull[3] = {row[0], row[1], row[2]};
-    for (std::uint32_t c = 0; c < 3; ++c) row[c] = r[c] * pull[0] + (r[3 + c] * pull[1] + r[6 + c] * pull[2]);
-  }
+  const Turn turn = Turn::by(rotation);
+  for (std::uint32_t j = 0; j < 4 * field->k; j += 4) Four::Map(gradient + j) = turn * (gradient + j);
   return energy;
 }
 
@@ -365,14 +369,10 @@ void Objective::press(const float* d) const {
 void Objective::precondition(float* g) const {
   // In the frame of the piece, where its stiffness is that of the rest shape.
   const std::uint32_t k = field->k, driven = field->driven;
-  const float* const r = rotation;
+  // Rows of three: the padding of each is where the next one goes, or spare.
   float* const local = scratch->x.data();
-  for (std::uint32_t j = driven; j < k; ++j) {
-    const float* const from = g + 4 * j;
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      local[3 * (j - driven) + c] = r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]);
-    }
-  }
+  const Turn in = Turn::back(rotation), out = Turn::by(rotation);
+  for (std::uint32_t j = driven; j < k; ++j) Four::Map(local + 3 * (j - driven)) = in * (g + 4 * j);
   if (system != nullptr) {
     std::fill(local + field->unknowns(), local + field->stride, 0.0F);
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
@@ -380,10 +380,7 @@ void Objective::precondition(float* g) const {
     kernels().field_modes(
         {field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local});
   }
-  for (std::uint32_t j = driven; j < k; ++j) {
-    const float* const from = local + 3 * (j - driven);
-    for (std::uint32_t c = 0; c < 3; ++c) g[4 * j + c] = r[c] * from[0] + (r[3 + c] * from[1] + r[6 + c] * from[2]);
-  }
+  for (std::uint32_t j = driven; j < k; ++j) Four::Map(g + 4 * j) = out * (local + 3 * (j - driven));
 }
 
 double Objective::heldByContacts(const float* direction) const {

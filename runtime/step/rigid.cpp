@@ -34,11 +34,20 @@ Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const
 }
 
 Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
-  Matrix3d moment = Matrix3d::Zero();
+  // Six sums that stay in registers.
+  double xx = 0, yy = 0, zz = 0, xy = 0, yz = 0, zx = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
-    moment += arm * arm.transpose();
+    const double one = oneOf(field, j);
+    const double x = z(j, 0) - one * center[0], y = z(j, 1) - one * center[1], t = z(j, 2) - one * center[2];
+    xx += x * x;
+    yy += y * y;
+    zz += t * t;
+    xy += x * y;
+    yz += y * t;
+    zx += t * x;
   }
+  Matrix3d moment;
+  moment << xx, xy, zx, xy, yy, yz, zx, yz, zz;
   const double trace = moment.trace();
   // A straight line has no inertia about itself.
   return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
