@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <new>
@@ -118,6 +119,19 @@ MadePart makePart(const cutting::Cut& cut, std::uint32_t number) {
   return made;
 }
 
+/// \param task throws nothing.
+template <class Task>
+void sideBySide(JobSystem* jobs, std::size_t count, const Task& task) {
+  const auto run = [&](std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t i = begin; i < end; ++i) task(i);
+  };
+  if (jobs != nullptr) {
+    jobs->parallelFor(std::uint32_t(count), 1, run);
+  } else {
+    run(0, std::uint32_t(count));
+  }
+}
+
 Result<CutResult> cutSound(const formats::PackageView& package, std::span<const Vec3> positions, const CutPlane& plane,
                            const CutSettings& settings) {
   CutResult result;
@@ -154,30 +168,31 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
                                             : "the plane leaves what it cuts in one part"};
     }
     std::vector<cutting::Nearest> nearest(package.fields().size());
-    for (std::size_t f = 0; f < nearest.size(); ++f) {
-      const formats::Field& field = package.fields()[f];
-      if (whole[field.piece] == 0) nearest[f] = cutting::findNearest(package, field);
-    }
-    watch.lap(result.times.fields);
     std::vector<std::vector<std::uint32_t>> node_tetrahedra(package.distanceGrids().size());
-    for (std::size_t g = 0; g < node_tetrahedra.size(); ++g) {
-      const formats::DistanceGrid& grid = package.distanceGrids()[g];
-      if (whole[grid.piece] == 0) node_tetrahedra[g] = cutting::nodeTetrahedra(package, sides, grid);
-    }
+    std::atomic<bool> has_memory = true;
+    sideBySide(settings.jobs, nearest.size() + node_tetrahedra.size(), [&](std::size_t i) {
+      try {
+        if (i < nearest.size()) {
+          const formats::Field& field = package.fields()[i];
+          if (whole[field.piece] == 0) nearest[i] = cutting::findNearest(package, field);
+        } else {
+          const formats::DistanceGrid& grid = package.distanceGrids()[i - nearest.size()];
+          if (whole[grid.piece] == 0) {
+            node_tetrahedra[i - nearest.size()] = cutting::nodeTetrahedra(package, sides, grid);
+          }
+        }
+      } catch (const std::bad_alloc&) {
+        has_memory = false;
+      }
+    });
+    if (!has_memory) return Error{kNoMemory};
     watch.lap(result.times.packages);
     const cutting::Cut cut = {package, settings,  sides, surface,         section,
                               nodes,   partition, whole, node_tetrahedra, nearest};
     result.open_edges = std::uint32_t(closes ? section.open : surface.rim.size());
     for (const cutting::Polygon& polygon : section.polygons) result.rough_loops += polygon.plain ? 0U : 1U;
     std::vector<MadePart> made(partition.parts.size());
-    const auto make = [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t p = begin; p < end; ++p) made[p] = makePart(cut, p);
-    };
-    if (settings.jobs != nullptr) {
-      settings.jobs->parallelFor(std::uint32_t(made.size()), 1, make);
-    } else {
-      make(0, std::uint32_t(made.size()));
-    }
+    sideBySide(settings.jobs, made.size(), [&](std::size_t p) { made[p] = makePart(cut, std::uint32_t(p)); });
     for (MadePart& part : made) {
       if (!part.fault.empty()) return Error{part.fault};
       result.parts.push_back(std::move(part.part));

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "runtime/cut/crossing.h"
@@ -218,6 +219,7 @@ class Finder {
       for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
         if (has_[place * tetrahedra_ + t] == 0) continue;
         PartMesh& part = partition.parts[partOf(together_.root(tetrahedronAt(side, t)), side)];
+        if (part.tetrahedra.empty()) part.tetrahedra.reserve(tetrahedra_);
         PartTetrahedron& tetrahedron = part.tetrahedra.emplace_back();
         tetrahedron.source = t;
         shares_.take(side, tetrahedron);
@@ -225,8 +227,11 @@ class Finder {
     }
     // A part of both sides (joined remains) may list a tetrahedron twice.
     for (PartMesh& part : partition.parts) {
-      std::stable_sort(part.tetrahedra.begin(), part.tetrahedra.end(),
-                       [](const auto& a, const auto& b) { return a.source < b.source; });
+      const auto comes_before = [](const auto& a, const auto& b) { return a.source < b.source; };
+      const auto twice =
+          std::ranges::adjacent_find(part.tetrahedra, std::ranges::greater_equal{}, &PartTetrahedron::source);
+      if (twice == part.tetrahedra.end()) continue;
+      std::stable_sort(part.tetrahedra.begin(), part.tetrahedra.end(), comes_before);
       std::size_t kept = 0;
       for (const PartTetrahedron& t : part.tetrahedra) {
         if (kept > 0 && part.tetrahedra[kept - 1].source == t.source) {

@@ -12,9 +12,10 @@
 namespace sinew::cutting {
 namespace {
 
-/// Points inside are at least so far from the rim, of their spacing, and at most so many in a polygon.
+/// Points inside are at least so far from the rim, of their spacing, and about so many in a polygon at most; enough of
+/// them are some times a body's contact points, of which no more press, and of its functions, which bend it.
 constexpr double kFromRim = 0.6;
-constexpr double kMostInterior = 4000;
+constexpr double kMostInterior = 4000, kEnoughInterior = 1000;
 /// A loop may lead so far over gaps of the surface, of its length: what is more open is a sheet.
 constexpr double kMostOpen = 0.35;
 /// Gaps that are bridged at most: with more of them the surface is none.
@@ -31,6 +32,7 @@ class Closing {
       : surface_(surface), plane_(plane), locate_(locate) {
     place();
     spacing_ = spacing > 0 ? spacing : meanEdge();
+    most_interior_ = spacing > 0 ? kMostInterior : kEnoughInterior;
     walk();
     group();
   }
@@ -380,7 +382,7 @@ class Closing {
   void addInterior(const std::vector<std::size_t>& all, Polygon& polygon, std::vector<GridPoint>& points,
                    std::vector<std::uint32_t>& name) {
     if (!std::isfinite(spacing_)) return;
-    const double h = std::max(spacing_, std::sqrt(std::max(0.0, polygon.area) / kMostInterior));
+    const double h = std::max(spacing_, std::sqrt(std::max(0.0, polygon.area) / most_interior_));
     if (!(h * scale_ > 64) || !(polygon.area > h * h)) return;
     Eigen::Vector2d low = Eigen::Vector2d::Constant(1e300), high = -low;
     std::vector<std::array<std::uint32_t, 2>> edges;
@@ -450,7 +452,7 @@ class Closing {
   std::vector<Eigen::Vector2d> flat_;  // of nodes: places in the plane, m
   std::vector<GridPoint> grid_;
   Eigen::Vector2d low_ = Eigen::Vector2d::Zero();
-  double scale_ = 1, spacing_ = 1;
+  double scale_ = 1, spacing_ = 1, most_interior_ = 0;
   std::vector<std::array<std::uint32_t, 2>> bridged_;  // directed edges over gaps, ascending
   std::vector<std::array<std::uint32_t, 2>> tip_rim_;  // edges of the rim between tips, the lower first, ascending
   std::vector<Loop> loops_;

@@ -38,8 +38,8 @@ struct Section {
 };
 
 /// Joins the rim to loops, over gaps where these are short, and the loops, by containment, to polygons with holes;
-/// islands in holes are polygons of their own. \param spacing of points inside, m; 0: the mean length of the rim's
-/// edges. Infinite: none.
+/// islands in holes are polygons of their own. \param spacing of points inside, m; 0: the mean length of the
+/// rim's edges, or more where the section is large. Infinite: none.
 Section closeSection(const Surface& surface, const PlaneFrame& plane, double spacing, const Locate& locate);
 
 }  // namespace sinew::cutting

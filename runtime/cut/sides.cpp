@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 #include <unordered_map>
 
 namespace sinew::cutting {
@@ -255,21 +254,6 @@ Fraction fractionOf(const std::array<double, 4>& height, const std::array<Side, 
   add(1, a2, b0, b1, b2);
   leave(0);
   return result;
-}
-
-Union::Union(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
-
-std::uint32_t Union::root(std::uint32_t i) {
-  while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-  return i;
-}
-
-void Union::join(std::uint32_t a, std::uint32_t b) {
-  a = root(a);
-  b = root(b);
-  // The lower number stays: roots do not depend on the order.
-  if (a < b) parent_[b] = a;
-  if (b < a) parent_[a] = b;
 }
 
 }  // namespace sinew::cutting

@@ -34,7 +34,8 @@ SINEW_API CutPlane boundedPlane(const std::array<Vec3, 4>& corners);
 
 /// How a cut is made.
 struct CutSettings {
-  /// Of points inside the section, m, >= 0. 0: the mean length of the edges of its rim. Infinity: no such points.
+  /// Of points inside the section, m, >= 0. 0: the mean length of the edges of its rim, or more, so that a section
+  /// has about 1,000 points at most. Infinity: no such points.
   float spacing = 0;
   /// Parts of less than this share of the body's mass stay with what they would be cut from, 0 .. 0.5.
   float least_part = 1e-4F;
