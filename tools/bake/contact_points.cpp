@@ -30,12 +30,13 @@ std::vector<std::size_t> spread(const std::vector<Vector3d>& candidates, std::ui
   }
   while (chosen.size() < count) {
     chosen.push_back(next);
-    const Vector3d& last = candidates[next];
+    const Vector3d last = candidates[next];
+    double most = 0;
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       distance[i] = std::min(distance[i], (candidates[i] - last).squaredNorm());
+      if (distance[i] > most) most = distance[i], next = i;
     }
-    next = std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin());
-    if (!(distance[next] > 0)) break;
+    if (!(most > 0)) break;
   }
   return chosen;
 }
