@@ -337,10 +337,7 @@ std::vector<Vector3d> probesOf(const Surface& surface) {
 class Parting {
  public:
   Parting(const Surface& a, const Surface& b)
-      : in_a_(a.points, a.triangles),
-        in_b_(b.points, b.triangles),
-        of_a_(probesOf(a)),
-        of_b_(probesOf(b)) {}
+      : in_a_(a.points, a.triangles), in_b_(b.points, b.triangles), of_a_(probesOf(a)), of_b_(probesOf(b)) {}
 
   bool overlapping() const { return overlap(in_a_, in_b_, of_a_, of_b_, Vector3d::Zero()); }
 
