@@ -364,6 +364,10 @@ void WindingNumber::wholeNumbers(std::span<const Vector3d> points, std::span<dou
   surface_.at(std::span(asked).first(count), std::span(sums).first(count));
   lids_.at(std::span(asked).first(count), std::span(lids).first(count));
   for (std::size_t k = 0; k < count; ++k) result[asked_for[k]] = std::round(sums[k] + lids[k]);
+  if (count == 0) return;
+  // On from the last of them: no segment from a point on a triangle is sure.
+  walk.at_ = asked[count - 1];
+  walk.whole_ = result[asked_for[count - 1]];
 }
 
 void WindingNumber::at(std::span<const Vector3d> points, std::span<double> result, Walk& walk) const {
