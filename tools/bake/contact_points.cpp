@@ -30,7 +30,7 @@ std::vector<std::size_t> spread(const std::vector<Vector3d>& candidates, std::ui
   }
   while (chosen.size() < count) {
     chosen.push_back(next);
-    const Vector3d last = candidates[next];
+    const Vector3d& last = candidates[next];
     double most = 0;
     for (std::size_t i = 0; i < candidates.size(); ++i) {
       distance[i] = std::min(distance[i], (candidates[i] - last).squaredNorm());
