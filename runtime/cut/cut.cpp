@@ -17,6 +17,7 @@
 #include "runtime/cut/sides.h"
 #include "runtime/cut/slit.h"
 #include "runtime/cut/surface.h"
+#include "runtime/solver/for_each.h"
 
 namespace sinew {
 namespace {
@@ -119,19 +120,6 @@ MadePart makePart(const cutting::Cut& cut, std::uint32_t number) {
   return made;
 }
 
-/// \param task throws nothing.
-template <class Task>
-void sideBySide(JobSystem* jobs, std::size_t count, const Task& task) {
-  const auto run = [&](std::uint32_t begin, std::uint32_t end) {
-    for (std::uint32_t i = begin; i < end; ++i) task(i);
-  };
-  if (jobs != nullptr) {
-    jobs->parallelFor(std::uint32_t(count), 1, run);
-  } else {
-    run(0, std::uint32_t(count));
-  }
-}
-
 Result<CutResult> cutSound(const formats::PackageView& package, std::span<const Vec3> positions, const CutPlane& plane,
                            const CutSettings& settings) {
   CutResult result;
@@ -170,7 +158,7 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
     std::vector<cutting::Nearest> nearest(package.fields().size());
     std::vector<std::vector<std::uint32_t>> node_tetrahedra(package.distanceGrids().size());
     std::atomic<bool> has_memory = true;
-    sideBySide(settings.jobs, nearest.size() + node_tetrahedra.size(), [&](std::size_t i) {
+    internal::forEach(settings.jobs, std::uint32_t(nearest.size() + node_tetrahedra.size()), 1, [&](std::uint32_t i) {
       try {
         if (i < nearest.size()) {
           const formats::Field& field = package.fields()[i];
@@ -192,7 +180,8 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
     result.open_edges = std::uint32_t(closes ? section.open : surface.rim.size());
     for (const cutting::Polygon& polygon : section.polygons) result.rough_loops += polygon.plain ? 0U : 1U;
     std::vector<MadePart> made(partition.parts.size());
-    sideBySide(settings.jobs, made.size(), [&](std::size_t p) { made[p] = makePart(cut, std::uint32_t(p)); });
+    internal::forEach(settings.jobs, std::uint32_t(made.size()), 1,
+                      [&](std::uint32_t p) { made[p] = makePart(cut, p); });
     for (MadePart& part : made) {
       if (!part.fault.empty()) return Error{part.fault};
       result.parts.push_back(std::move(part.part));

@@ -4,6 +4,7 @@
 
 #include "runtime/cut/crossing.h"
 #include "runtime/cut/parts.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::cutting {
 namespace {
@@ -131,7 +132,7 @@ class Opening {
   /// Copies of vertices: number v is vertex v with what lies about it; from vertices_ on those of ghosts.
   void hang() {
     const std::size_t ghosts = 4 * crossed_.size();
-    Union same(std::size_t(vertices_) + ghosts);
+    geometry::Sets same(std::size_t(vertices_) + ghosts);
     const auto ghostOf = [&](std::uint32_t i, std::uint32_t v) {
       const Corners4& corners = cornersOf(crossed_[i].gap.tetrahedron);
       const auto k = std::uint32_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
@@ -142,7 +143,7 @@ class Opening {
     }
     for (std::uint32_t i = 0; i < crossed_.size(); ++i) {
       for (std::size_t k = 0; k < 4; ++k) {
-        crossed_[i].ghost[k] = same.root(ghostOf(i, cornersOf(crossed_[i].gap.tetrahedron)[k]));
+        crossed_[i].ghost[k] = same.find(ghostOf(i, cornersOf(crossed_[i].gap.tetrahedron)[k]));
       }
     }
   }
@@ -187,7 +188,7 @@ class Opening {
   }
 
   std::uint32_t rootOf(std::uint32_t t, Side side) {
-    return together_->root(vertices_ + 4 * std::uint32_t(crossed_.size()) + copyOf(t, side));
+    return together_->find(vertices_ + 4 * std::uint32_t(crossed_.size()) + copyOf(t, side));
   }
   std::uint32_t rootOf(const Fragment& fragment, std::uint32_t corner) {
     const auto visual = std::uint32_t(package_.visualPositions().size());
@@ -324,7 +325,7 @@ class Opening {
   std::vector<Crossed> crossed_;
   std::vector<Face> faces_;
   Shares shares_;
-  std::optional<Union> together_;
+  std::optional<geometry::Sets> together_;
   std::vector<char> to_mend_;
 };
 

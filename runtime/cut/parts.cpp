@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "runtime/cut/crossing.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::cutting {
 namespace {
@@ -122,7 +123,7 @@ class Finder {
     for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
       for (const Side side : kSides) {
         if (has_[placeOf(side) * tetrahedra_ + t] == 0) continue;
-        mass_of_[together_.root(tetrahedronAt(side, t))] += shares_.massOf(package_, t, side);
+        mass_of_[together_.find(tetrahedronAt(side, t))] += shares_.massOf(package_, t, side);
       }
     }
   }
@@ -131,7 +132,7 @@ class Finder {
   std::vector<char> drawn() {
     std::vector<char> result(mass_of_.size(), 0);
     for (const Fragment& fragment : surface_.fragments) {
-      result[together_.root(tetrahedronAt(fragment.side, tetrahedronOfCorner(fragment.corner[0])))] = 1;
+      result[together_.find(tetrahedronAt(fragment.side, tetrahedronOfCorner(fragment.corner[0])))] = 1;
     }
     return result;
   }
@@ -148,7 +149,7 @@ class Finder {
       for (std::uint32_t t = piece.first_tetrahedron; t < piece.first_tetrahedron + piece.tetrahedron_count; ++t) {
         for (const Side side : kSides) {
           if (has_[placeOf(side) * tetrahedra_ + t] == 0) continue;
-          const std::uint32_t r = together_.root(tetrahedronAt(side, t));
+          const std::uint32_t r = together_.find(tetrahedronAt(side, t));
           one = one && (root == formats::kNone || root == r);
           root = r;
         }
@@ -162,7 +163,7 @@ class Finder {
     std::vector<Side> to = sides_.side, visual_to = sides_.visual_side;
     for (std::uint32_t v = 0; v < vertices_; ++v) {
       const Side side = sides_.side[v];
-      if (side == 0 || !isSmall(together_.root(vertexAt(side, v)))) continue;
+      if (side == 0 || !isSmall(together_.find(vertexAt(side, v)))) continue;
       to[v] = Side(-side);
       some = true;
     }
@@ -170,7 +171,7 @@ class Finder {
       const Side side = sides_.visual_side[v];
       const std::uint32_t t = package_.barycentric()[v].tetrahedron;
       if (side == 0 || has_[placeOf(side) * tetrahedra_ + t] == 0) continue;
-      if (!isSmall(together_.root(tetrahedronAt(side, t)))) continue;
+      if (!isSmall(together_.find(tetrahedronAt(side, t)))) continue;
       for_points_.push_back(sides_.weld[v]);
       some = true;
     }
@@ -196,8 +197,8 @@ class Finder {
     for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
       for (const Side side : kSides) {
         if (has_[placeOf(side) * tetrahedra_ + t] == 0) continue;
-        const std::uint32_t root = together_.root(tetrahedronAt(side, t));
-        if (root != together_.root(largest) && (has_surface[root] == 0 || mass_of_[root] < least * all)) {
+        const std::uint32_t root = together_.find(tetrahedronAt(side, t));
+        if (root != together_.find(largest) && (has_surface[root] == 0 || mass_of_[root] < least * all)) {
           together_.join(root, largest);
         }
       }
@@ -218,8 +219,7 @@ class Finder {
       const std::size_t place = placeOf(side);
       for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
         if (has_[place * tetrahedra_ + t] == 0) continue;
-        PartMesh& part = partition.parts[partOf(together_.root(tetrahedronAt(side, t)), side)];
-        if (part.tetrahedra.empty()) part.tetrahedra.reserve(tetrahedra_);
+        PartMesh& part = partition.parts[partOf(together_.find(tetrahedronAt(side, t)), side)];
         PartTetrahedron& tetrahedron = part.tetrahedra.emplace_back();
         tetrahedron.source = t;
         shares_.take(side, tetrahedron);
@@ -250,19 +250,19 @@ class Finder {
     for (const Side side : kSides) {
       for (std::uint32_t v = 0; v < vertices_; ++v) {
         if (sides_.side[v] != -side) {
-          partition.part_of[vertexAt(side, v)] = part_of_root[together_.root(vertexAt(side, v))];
+          partition.part_of[vertexAt(side, v)] = part_of_root[together_.find(vertexAt(side, v))];
         }
       }
     }
     for (std::uint32_t f = 0; f < surface_.fragments.size(); ++f) {
       const Fragment& fragment = surface_.fragments[f];
-      const std::uint32_t root = together_.root(tetrahedronAt(fragment.side, tetrahedronOfCorner(fragment.corner[0])));
+      const std::uint32_t root = together_.find(tetrahedronAt(fragment.side, tetrahedronOfCorner(fragment.corner[0])));
       partition.parts[part_of_root[root]].fragments.push_back(f);
     }
     for (std::uint32_t p = 0; p < section_.polygons.size(); ++p) {
       const std::uint32_t t = nodes_[section_.polygons[p].nodes[0]].tetrahedron;
       for (const Side side : kSides) {
-        std::vector<PartPolygon>& list = partition.parts[part_of_root[together_.root(tetrahedronAt(side, t))]].polygons;
+        std::vector<PartPolygon>& list = partition.parts[part_of_root[together_.find(tetrahedronAt(side, t))]].polygons;
         list.push_back({p, side});
       }
     }
@@ -296,7 +296,7 @@ class Finder {
   const std::vector<Hung>& nodes_;
   Sides& sides_;
   const std::uint32_t vertices_, tetrahedra_;
-  Union together_;
+  geometry::Sets together_;
   std::vector<char> has_;  // tetrahedra below, then above: some part there has them
   Shares shares_;
   std::vector<double> mass_of_;  // by root

@@ -4,9 +4,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
+#include "runtime/geometry/sets.h"
 #include "sinew/formats/sections.h"
 
 namespace sinew::geometry {
@@ -115,22 +115,13 @@ std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32
 std::uint32_t connectedComponents(const TetMesh& mesh, JoinedBy joined_by,
                                   std::vector<std::uint32_t>& component_of_tetrahedron) {
   const auto count = std::uint32_t(mesh.tetrahedra.size());
-  std::vector<std::uint32_t> parent(count);
-  std::iota(parent.begin(), parent.end(), 0U);
-  const auto root = [&](std::uint32_t t) {
-    while (parent[t] != t) t = parent[t] = parent[parent[t]];
-    return t;
-  };
-  const auto join = [&](std::uint32_t s, std::uint32_t t) {
-    const std::uint32_t a = root(s), b = root(t);
-    parent[std::max(a, b)] = std::min(a, b);
-  };
+  Sets sets(count);
   if (joined_by == JoinedBy::vertices) {
     std::vector<std::uint32_t> first(mesh.positions.size(), kNone);
     for (std::uint32_t t = 0; t < count; ++t) {
       for (const std::uint32_t v : mesh.tetrahedra[t]) {
         if (first[v] == kNone) first[v] = t;
-        join(first[v], t);
+        sets.join(first[v], t);
       }
     }
   } else {
@@ -146,14 +137,14 @@ std::uint32_t connectedComponents(const TetMesh& mesh, JoinedBy joined_by,
     }
     std::sort(faces.begin(), faces.end());
     for (std::size_t i = 1; i < faces.size(); ++i) {
-      if (faces[i].first == faces[i - 1].first) join(faces[i].second, faces[i - 1].second);
+      if (faces[i].first == faces[i - 1].first) sets.join(faces[i].second, faces[i - 1].second);
     }
   }
   std::vector<std::uint32_t> number(count, kNone);
   std::uint32_t components = 0;
   component_of_tetrahedron.resize(count);
   for (std::uint32_t t = 0; t < count; ++t) {
-    std::uint32_t& n = number[root(t)];
+    std::uint32_t& n = number[sets.find(t)];
     if (n == kNone) n = components++;
     component_of_tetrahedron[t] = n;
   }

@@ -72,6 +72,7 @@ class WindingNumber {
     std::array<double, 10> third;  ///< fully symmetric part: xxx yyy zzz xxy xxz yyx yyz zzx zzy xyz
   };
 
+  /// Triangles, and the moments of the tree's nodes.
   struct Dipoles {
     Dipoles() = default;
     Dipoles(std::span<const Eigen::Vector3d> positions, std::span<const Triangle> triangles);

@@ -93,6 +93,22 @@ TEST(WindingNumber, MatchesBruteForceOnOpenAndSelfIntersectingSurfaces) {
   EXPECT_NEAR(winding.at({0.5, 0, 0}), 2, 1e-2);
 }
 
+// Holes that touch at corners, some with matter left between them, and triangles that are there twice.
+TEST(WindingNumber, LidsCloseWhateverIsOpen) {
+  testing::Surface s = testing::blob(9, 40);
+  const testing::Surface whole = s;
+  std::size_t number = 0;
+  std::erase_if(s.triangles, [&](const Triangle& t) {
+    const bool around = t[0] == 500 || t[1] == 500 || t[2] == 500;
+    return (around && number % 2 == 0) || number++ % 25 == 0;
+  });
+  s.triangles.push_back(s.triangles[100]);
+  s.triangles.push_back(s.triangles[103]);
+  EXPECT_LT(s.triangles.size(), whole.triangles.size() - 20);
+  EXPECT_FALSE(WindingNumber(s.positions, s.triangles).closed());
+  EXPECT_LT(largestError(s, 14), 1e-2);
+}
+
 TEST(WindingNumber, SecondOrderFallsOffFasterThanFirst) {
   // Error of an expansion to second order falls with the fourth power of distance over size, times the field's own
   // square: doubling the distance gains far more than the 16 of a first-order one (for an open cap, no symmetry).

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <tuple>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::tools {
 namespace {
@@ -49,7 +49,7 @@ std::vector<std::uint32_t> smoothFans(const VisualMesh& mesh, double crease_degr
     const Eigen::Vector3d &m = normals[a / 3], &n = normals[b / 3];
     return m.isZero() || n.isZero() || m.dot(n) >= least;
   };
-  Sets fans(3 * count);
+  geometry::Sets fans(3 * count);
   const auto begin_at = [&](const Side& side, std::uint32_t point) {
     const std::uint32_t t = side.corner / 3;
     return mesh.welded[mesh.triangles[t][side.corner % 3]] == point ? side.corner : nextCorner(side.corner);

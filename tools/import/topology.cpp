@@ -8,7 +8,7 @@
 #include <numeric>
 #include <span>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::tools {
 namespace {
@@ -305,7 +305,7 @@ class Analysis {
       }
     }
 
-    Sets joined(patches.size());
+    geometry::Sets joined(patches.size());
     for (std::size_t e = 0; e + 1 < edge_begin_.size(); ++e) {
       const auto half = halfEdges(e);
       for (std::size_t i = 1; half.size() > 2 && i < half.size(); ++i) {
@@ -376,7 +376,7 @@ class Analysis {
 
   // A fan is a set of corners at one point connected over shared edges there.
   void findFans() {
-    fans_ = Sets(3 * triangle_count_);
+    fans_ = geometry::Sets(3 * triangle_count_);
     for (std::size_t e = 0; e + 1 < edge_begin_.size(); ++e) {
       const auto half = halfEdges(e);
       for (std::size_t i = 1; i < half.size(); ++i) {
@@ -495,7 +495,7 @@ class Analysis {
   std::vector<std::uint32_t> edge_of_;           // per corner
   std::vector<std::uint32_t> boundary_corners_;  // half-edge of each boundary edge
   std::vector<std::uint32_t> place_in_loop_;     // per welded point, while a loop is split
-  Sets fans_{0};
+  geometry::Sets fans_{0};
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::tools {
 namespace {
@@ -82,7 +82,7 @@ struct SurfaceParts {
 };
 
 SurfaceParts surfaceParts(const SolidPiece& piece) {
-  Sets sets(piece.positions.size());
+  geometry::Sets sets(piece.positions.size());
   for (const auto& t : piece.triangles) {
     sets.join(t[0], t[1]);
     sets.join(t[0], t[2]);
@@ -119,7 +119,7 @@ class CellCutter {
       cell.solid = !piece_.encloses || windingAt(samplePosition(0)) > 0.5;
       return cell;
     }
-    Sets sets(cell.triangles.size());
+    geometry::Sets sets(cell.triangles.size());
     joinAlongSurface(cell, sets);
     sample_set_.fill(kAir);
     if (countPieces(cell, sets) > 1) {
@@ -210,7 +210,7 @@ class CellCutter {
     }
   }
 
-  void joinAlongSurface(const LatticeCell& cell, Sets& sets) {
+  void joinAlongSurface(const LatticeCell& cell, geometry::Sets& sets) {
     std::sort(inside_points_.begin(), inside_points_.end());
     for (std::size_t i = 1; i < inside_points_.size(); ++i) {
       if (inside_points_[i][0] == inside_points_[i - 1][0]) sets.join(inside_points_[i][1], inside_points_[i - 1][1]);
@@ -234,10 +234,10 @@ class CellCutter {
     }
   }
 
-  static std::size_t countPieces(const LatticeCell& cell, Sets& sets) { return roots(cell, sets).size(); }
+  static std::size_t countPieces(const LatticeCell& cell, geometry::Sets& sets) { return roots(cell, sets).size(); }
 
   std::uint32_t part(const LatticeCell& cell, std::uint32_t n) const { return parts_.of_triangle[cell.triangles[n]]; }
-  static std::vector<std::uint32_t> roots(const LatticeCell& cell, Sets& sets) {
+  static std::vector<std::uint32_t> roots(const LatticeCell& cell, geometry::Sets& sets) {
     std::vector<std::uint32_t> roots;
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
       if (sets.find(n) == n) roots.push_back(n);
@@ -245,7 +245,7 @@ class CellCutter {
     return roots;
   }
   // Whether sheets of one part cross in the cell.
-  bool pierced(const LatticeCell& cell, Sets& sets) const {
+  bool pierced(const LatticeCell& cell, geometry::Sets& sets) const {
     const auto all = roots(cell, sets);
     const auto sheets = sheetsOf(sets);
     for (std::size_t i = 0; i < all.size(); ++i) {
@@ -256,7 +256,7 @@ class CellCutter {
     }
     return false;
   }
-  void joinNearParts(const LatticeCell& cell, Sets& sets) const {
+  void joinNearParts(const LatticeCell& cell, geometry::Sets& sets) const {
     const auto all = roots(cell, sets);
     auto sheets = sheetsOf(sets);
     const auto severalPieces = [&](std::uint32_t p) {
@@ -286,7 +286,7 @@ class CellCutter {
     return {t[0].cwiseMin(t[1]).cwiseMin(t[2]), t[0].cwiseMax(t[1]).cwiseMax(t[2])};
   }
   // By root, gathered once: pairs of sheets are many.
-  std::map<std::uint32_t, Sheet> sheetsOf(Sets& sets) const {
+  std::map<std::uint32_t, Sheet> sheetsOf(geometry::Sets& sets) const {
     std::map<std::uint32_t, Sheet> sheets;
     for (std::uint32_t n = 0; n < local_.size(); ++n) {
       Sheet& sheet = sheets[sets.find(n)];
@@ -360,7 +360,7 @@ class CellCutter {
   bool between(const Vector3d& a, const Vector3d& b) const {
     return std::isinf(most_winding_) || solidOnce(windingAt((a + b) / 2));
   }
-  void chooseLookouts(const LatticeCell& cell, Sets& sets) {
+  void chooseLookouts(const LatticeCell& cell, geometry::Sets& sets) {
     lookouts_.clear();
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
       if (local_[n].normal.squaredNorm() > 0) lookouts_.push_back(n);
@@ -384,7 +384,7 @@ class CellCutter {
   }
 
   // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
-  void joinThroughSolid(LatticeCell& cell, Sets& sets) {
+  void joinThroughSolid(LatticeCell& cell, geometry::Sets& sets) {
     chooseLookouts(cell, sets);
     std::array<Vector3d, kSamples> points;
     std::array<double, kSamples> winding{};
@@ -441,7 +441,7 @@ class CellCutter {
     }
   }
 
-  static void numberPieces(LatticeCell& cell, Sets& sets) {
+  static void numberPieces(LatticeCell& cell, geometry::Sets& sets) {
     cell.fragments = 0;
     cell.fragment.assign(cell.triangles.size(), 0);
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
@@ -450,7 +450,7 @@ class CellCutter {
     }
   }
 
-  void labelSolid(LatticeCell& cell, Sets& sets) {
+  void labelSolid(LatticeCell& cell, geometry::Sets& sets) {
     for (auto& face : cell.face_fragment) face.fill(kAir);
     cell.inside.assign(cell.fragments, -1);
     if (!piece_.encloses) return;

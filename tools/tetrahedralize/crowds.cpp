@@ -6,7 +6,7 @@
 #include <array>
 #include <map>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 
 namespace sinew::tools {
 
@@ -27,7 +27,7 @@ std::vector<Triangle> withoutCrowds(std::span<const Vector3d> positions, std::ve
     }
   }
   if (rims.empty()) return triangles;
-  Sets sets(positions.size());
+  geometry::Sets sets(positions.size());
   std::vector<AlignedBox3d> box(positions.begin(), positions.end());  // of each set
   for (const auto& [hub, rim] : rims) {
     double length = 0;

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 #include "tools/core/text.h"
 #include "tools/tetrahedralize/near_triangles.h"
 
@@ -83,7 +83,7 @@ void reportNearPieces(const VisualMesh& mesh, const Topology& topology, const Pi
   for (const auto& [pair, d] : squared) gaps.emplace_back(std::sqrt(d), pair);
   std::sort(gaps.begin(), gaps.end());
   // The widest gap needed to join all of them.
-  Sets sets(set.pieces.size());
+  geometry::Sets sets(set.pieces.size());
   double widest = 0;
   std::vector<std::uint32_t> near, parts;
   for (const auto& [gap, pair] : gaps) {

@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 #include "tools/tetrahedralize/crowds.h"
 #include "tools/tetrahedralize/enclosure.h"
 #include "tools/tetrahedralize/near_triangles.h"
@@ -30,7 +30,7 @@ constexpr double kAccessoryVolume = 0.02;
 constexpr double kAccessoryReach = 0.1;
 
 // Joins parts with triangles within `distance` of each other.
-void joinNearParts(const WeldedSurface& surface, const Topology& topology, double distance, Sets& sets) {
+void joinNearParts(const WeldedSurface& surface, const Topology& topology, double distance, geometry::Sets& sets) {
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> part;
   for (std::uint32_t p = 0; p < topology.parts.size(); ++p) {
@@ -58,7 +58,7 @@ std::vector<Vector3d> samplePoints(const WeldedSurface& surface, const PartGroup
 
 // Joins groups that lie in the solid of others; turns inverted ones. Whether a group lies in solid or in a
 // cavity is the sum over all groups around it, a cavity's shell counting -1.
-void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& groups, Sets& sets) {
+void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& groups, geometry::Sets& sets) {
   std::vector<std::uint32_t> solids;
   for (std::uint32_t g = 0; g < groups.size(); ++g) {
     if (groups[g].enclosure.encloses) solids.push_back(g);
@@ -183,7 +183,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
   const WeldedSurface surface = weldedSurface(mesh, topology);
 
   // 1. Parts that touch are one group.
-  Sets near(part_count);
+  geometry::Sets near(part_count);
   if (part_count > 1) joinNearParts(surface, topology, std::max(join_distance, mesh.weld_tolerance), near);
   std::vector<std::vector<std::uint32_t>> members(part_count);
   for (std::uint32_t p = 0; p < part_count; ++p) members[near.find(p)].push_back(p);
@@ -197,7 +197,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
   }
 
   // 2. Groups inside the solid of others belong to them.
-  Sets nested(group_count);
+  geometry::Sets nested(group_count);
   if (group_count > 1) {
     for (PartGroup& group : groups) {
       if (group.enclosure.encloses) {
@@ -290,7 +290,6 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
     std::sort(piece.parts.begin(), piece.parts.end());
     std::sort(piece.sheets.begin(), piece.sheets.end());
     piece.name = pieceName(mesh, topology, piece.parts);
-    piece.balanced = piece.encloses && geometry::openEdges(triangles).empty();
 
     AlignedBox3d bounds;
     for (const Triangle& t : triangles) {
@@ -319,6 +318,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
       for (const std::uint32_t v : t) number[v] = formats::kNone;
     }
     piece.winding = WindingNumber(piece.positions, piece.triangles);
+    piece.balanced = piece.encloses && piece.winding.closed();
     measureVolume(piece, divergence_volume, parallel_for);
     for (const std::uint32_t p : piece.parts) set.part_piece[p] = static_cast<std::uint32_t>(set.pieces.size());
     set.pieces.push_back(std::move(piece));

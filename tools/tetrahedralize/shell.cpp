@@ -8,8 +8,8 @@
 #include <numeric>
 #include <tuple>
 
+#include "runtime/geometry/sets.h"
 #include "runtime/geometry/triangle_bvh.h"
-#include "tools/core/sets.h"
 #include "tools/tetrahedralize/cgal_simplify.h"
 #include "tools/tetrahedralize/crowds.h"
 #include "tools/tetrahedralize/layer_normal.h"
@@ -59,7 +59,7 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
     return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
   });
   // Corners of triangles that meet along an edge belong to one fan.
-  Sets fans(surface.triangles.size() * 3);
+  geometry::Sets fans(surface.triangles.size() * 3);
   const auto corner = [&](std::uint32_t t, std::uint32_t v) {
     const auto& corners = surface.triangles[t];
     return 3 * t + std::uint32_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
@@ -141,8 +141,8 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
 }
 
 // Points that triangles lead between.
-Sets partsOf(const PlainSurface& surface) {
-  Sets parts(surface.positions.size());
+geometry::Sets partsOf(const PlainSurface& surface) {
+  geometry::Sets parts(surface.positions.size());
   for (const auto& t : surface.triangles) {
     parts.join(t[0], t[1]);
     parts.join(t[0], t[2]);
@@ -150,7 +150,7 @@ Sets partsOf(const PlainSurface& surface) {
   return parts;
 }
 
-std::vector<std::uint32_t> representatives(const PlainSurface& surface, Sets& parts) {
+std::vector<std::uint32_t> representatives(const PlainSurface& surface, geometry::Sets& parts) {
   std::vector<std::uint32_t> list;
   for (const auto& t : surface.triangles) list.push_back(parts.find(t[0]));
   std::sort(list.begin(), list.end());
@@ -187,7 +187,7 @@ geometry::Tetrahedron between(const TetMesh& mesh, std::uint32_t point, const ge
 // Ties parts that share no vertex to what lies nearest, by tetrahedra along where they cross or come closest: they
 // are one piece, and would part at once. \return how many parts there were; 0 where that is not possible.
 std::uint32_t joinParts(const PlainSurface& surface, double mean_edge, double rounding, TetMesh& mesh) {
-  Sets parts = partsOf(surface);
+  geometry::Sets parts = partsOf(surface);
   std::vector<std::uint32_t> list = representatives(surface, parts);
   const auto count = std::uint32_t(list.size());
   std::vector<char> tied(surface.positions.size(), 0);
@@ -276,7 +276,7 @@ bool prepare(const SolidPiece& piece, std::uint32_t most, Prepared& prepared, Sh
     outcome.triangle = source[where];
     return false;
   }
-  Sets parts = partsOf(fine);
+  geometry::Sets parts = partsOf(fine);
   if (const std::size_t count = representatives(fine, parts).size(); count > kMostParts) {
     outcome.reason = "has " + std::to_string(count) + " parts, too many to tie to one another";
     return false;

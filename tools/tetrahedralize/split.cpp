@@ -5,7 +5,7 @@
 #include <array>
 #include <limits>
 
-#include "tools/core/sets.h"
+#include "runtime/geometry/sets.h"
 #include "tools/tetrahedralize/cell_fragments.h"
 #include "tools/tetrahedralize/lattice_faces.h"
 
@@ -69,8 +69,8 @@ class Copies {
     first_copy_.assign(count_ + 1, 0);
     for (std::uint32_t t = 0; t < count_; ++t) first_copy_[t + 1] = first_copy_[t] + cells_[t].fragments;
     copies_ = first_copy_[count_];
-    corners_ = Sets(std::size_t(copies_) * 4);
-    pieces_ = Sets(copies_);
+    corners_ = geometry::Sets(std::size_t(copies_) * 4);
+    pieces_ = geometry::Sets(copies_);
     air_.assign(count_, 0);
     dropped_.assign(copies_, 0);
   }
@@ -300,7 +300,7 @@ class Copies {
   const std::uint32_t count_;
   std::uint32_t copies_ = 0, number_ = 0;  // of all cells; of what hangs together
   std::vector<std::uint32_t> first_copy_;  // of each cell
-  Sets corners_{0}, pieces_{0};            // of copies
+  geometry::Sets corners_{0}, pieces_{0};  // of copies
   std::vector<char> air_, dropped_;        // cells; copies
   std::vector<std::uint32_t> tetrahedron_of_;
 };

@@ -516,7 +516,7 @@ typedef struct sinew_cut sinew_cut;
 
 typedef struct sinew_cut_settings {
   uint32_t struct_size;
-  float spacing;                /* of points inside the section, m; 0: as its rim, 1,000 of them; 0 */
+  float spacing;                /* of points inside the section, m; 0: as its rim, about 1,000 at most; 0 */
   float least_part;             /* parts of less of the body's mass stay with their neighbour, 0..0.5; 1e-4 */
   float section_color[4];       /* linear red, green, blue, alpha, 0..1; 0.75 0.25 0.2 1 */
   uint32_t close_open_surfaces; /* 1: also loops of surfaces that enclose nothing are closed; 0 */

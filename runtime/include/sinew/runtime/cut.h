@@ -34,8 +34,8 @@ SINEW_API CutPlane boundedPlane(const std::array<Vec3, 4>& corners);
 
 /// How a cut is made.
 struct CutSettings {
-  /// Of points inside the section, m, >= 0. 0: the mean length of the edges of its rim, or more, so that a section
-  /// has about 1,000 points at most. Infinity: no such points.
+  /// Of points inside the section, m, >= 0. 0: the mean length of the edges of its rim, or more, so that a
+  /// polygon of it has about 1,000 points at most. Infinity: no such points.
   float spacing = 0;
   /// Parts of less than this share of the body's mass stay with what they would be cut from, 0 .. 0.5.
   float least_part = 1e-4F;
@@ -83,7 +83,7 @@ struct CutTimes {
   double section = 0;   ///< loops, polygons, triangulation
   double parts = 0;     ///< what hangs together, masses
   double fields = 0;    ///< functions, samples and modes of the parts, the sum over threads
-  double packages = 0;  ///< all else of them, and their check, the sum over threads
+  double packages = 0;  ///< all else of them, their check, and what is found for all of them, the sum over threads
   double bodies = 0;    ///< cutBody(): bodies and their state
 };
 

@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: GPL-3.0-or-later
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-namespace sinew::tools {
+namespace sinew::geometry {
 
 /// Disjoint sets of numbers 0 .. count - 1; the smallest member stands for its set, whatever the order of joins.
 class Sets {
@@ -29,4 +29,4 @@ class Sets {
   std::vector<std::uint32_t> parent_;
 };
 
-}  // namespace sinew::tools
+}  // namespace sinew::geometry
