@@ -1,6 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// Input from a file: what mouse and keyboard would do, given to the window where theirs arrives (docs/studio.md).
+// Input from a file (--replay): what mouse and keyboard would do, given to the window where theirs arrives.
+//
+//   {"events": [{"wait": "evaluation"}, {"click": "New mask"}, {"text": "cheeks"}, {"key": "enter"}, {"wait": "bake"}]}
+//
+// The first key of an event is its kind, others belong to it:
+//
+//   click, move   on a control by its label, a pixel [x, y], or a place of the source [x, y, z] (m);
+//                 "button": "right"
+//   stroke        presses, drags over a list of places of the source, lets go
+//   drag          a slider, by its label, "to" 0..1 of its length
+//   pull          presses the left button on a control, handle, pixel or place, drags "by" [x, y] pixels, holds for
+//                 "hold" frames (with "screenshot": a PNG then), lets go
+//   orbit         drags with the right button by [x, y] pixels
+//   text          types it
+//   key           a letter, digit, [ or ], or enter, escape, space, tab, f1, f12; before it control+ or shift+
+//   wheel         notches
+//   drop          a file on the window
+//   wait          frames, or until "evaluation" (weights are those of the recipe), "bake" or "film" has ended
+//   screenshot    a PNG of the window
 #pragma once
 
 #include <Eigen/Core>
