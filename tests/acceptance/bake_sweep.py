@@ -24,7 +24,7 @@ from array import array
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 BOUNDS = ((100_000, 10), (400_000, 20))
 GIVEN_UP = 120  # seconds of the processor; ten times as many on the clock
-SHOWN = 4
+SHOWN = 10
 ENDINGS = {".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx", ".mesh"}
 LARGE = 5  # of the generated ones have the most triangles
 
