@@ -169,6 +169,16 @@ class FieldRules {
       if (j % 4 == 0 ? function.pin_set >= view_.pinSets().size() || function.pin_set < set : function.pin_set != set) {
         return bad("driven by no pin set of section PSET, or these are not ascending, four functions each");
       }
+      const auto is = [j](std::size_t monomial) { return float(j % 4 == monomial); };
+      if (function.one != is(0) || function.rest != std::array{is(1), is(2), is(3)}) {
+        return bad("one and rest of a driven function are not those of 1, X, Y or Z");
+      }
+      if (field().level > 0) {
+        const Field& finer = view_.allFields()[index_ - view_.fields().size()];
+        if (function.pin_set != view_.fieldFunctions()[finer.first_function + j].pin_set) {
+          return bad("driven by another pin set than on the level before");
+        }
+      }
       set = function.pin_set + unsigned(j % 4 == 3);
     }
     return true;

@@ -13,7 +13,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Of the largest: combinations of functions of less squared norm on the part are none, for the parent's values are
+/// Of the mean: combinations of functions of less squared norm on the part are none, for the parent's values are
 /// floats. Moments of less are those of a flat piece.
 constexpr double kIndependent = 1e-6, kFlat = 1e-12;
 
@@ -136,12 +136,12 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   const MatrixXd weighed = masses.asDiagonal() * others;
   const MatrixXd overlap = affine_values.transpose() * weighed;
   MatrixXd gram = others.transpose() * weighed;
-  const double largest = others.cols() > 0 ? gram.trace() / double(others.cols()) : 0;
+  const double mean = others.cols() > 0 ? gram.trace() / double(others.cols()) : 0;
   gram -= overlap.transpose() * overlap;
   const geometry::SymmetricEigen beyond = geometry::symmetricEigen(gram);
   Index kept = 0;
   const Index most = std::clamp<Index>(vertices - rank, 0, others.cols() - std::min(rank, others.cols()));
-  while (kept < most && beyond.values[others.cols() - 1 - kept] > kIndependent * largest) ++kept;
+  while (kept < most && beyond.values[others.cols() - 1 - kept] > kIndependent * mean) ++kept;
   const MatrixXd combine =
       beyond.vectors.rightCols(kept) * beyond.values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 

@@ -481,6 +481,34 @@ void tieToBothSets(PackageContent& c, double last) {
   c.field_tether_values.assign(sums.begin(), sums.end());
 }
 
+// Both fields once more, as those of level 1: functions 9..17, of which 13..16 are driven.
+void addLevel(PackageContent& c) {
+  const auto twice = [](auto& items) {
+    const auto once = items;
+    items.insert(items.end(), once.begin(), once.end());
+  };
+  const auto before = [](const auto& items) { return std::uint32_t(items.size()); };
+  for (std::size_t i = 0; i < 2; ++i) {
+    Field f = c.fields[i];
+    f.level = 1;
+    f.first_function += before(c.field_functions);
+    f.first_pack += before(c.field_packs);
+    f.first_gradient += before(c.field_gradients);
+    f.first_value += before(c.field_values);
+    f.first_point += before(c.field_points);
+    f.first_point_value += before(c.field_point_values);
+    f.first_mode += before(c.field_modes);
+    c.fields.push_back(f);
+  }
+  twice(c.field_functions);
+  twice(c.field_packs);
+  twice(c.field_gradients);
+  twice(c.field_values);
+  twice(c.field_points);
+  twice(c.field_point_values);
+  twice(c.field_modes);
+}
+
 // The free field has functions 0..3, pack 0, gradients 0..11, values 0..3, points 0..8 and point values 0..7; the held
 // one functions 4..8, pack 1, gradients 12..26, values 4..8, points 9..17, point values 8..17, modes 26..29 (0..25: 12
 // modes and their frequencies in two blocks). Fibres 0 and 1 (of the clusters 0 and 1) are of the free field and have
@@ -616,6 +644,9 @@ const std::vector<ContentFault> kFieldFaults = {
        c.pin_sets.clear();
        c.pin_set_vertices.clear();
      }},
+    {"FFUN, element 4: one and rest", [](auto& c) { c.field_functions[4].one = -1; }},
+    {"FFUN, element 4: one and rest", [](auto& c) { c.field_functions[4].rest[2] = 0.5F; }},
+    {"FFUN, element 6: one and rest", [](auto& c) { c.field_functions[6].rest = {1, 0, 0}; }},
     {"FFUN, element 8: driven by no",  // a second four of the same pin set
      [](auto& c) {
        auto functions = c.field_functions;
@@ -835,6 +866,25 @@ TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) { expectFaults(kFie
 
 TEST(PackageFaults, EachBrokenRuleOfResidualsIsRefusedAndNamed) {
   expectFaults(kResidualFaults, test::residualPackage());
+}
+
+TEST(PackageFaults, EachBrokenRuleOfLevelsIsRefusedAndNamed) {
+  PackageContent sound = test::fieldPackage();
+  addLevel(sound);
+  expectFaults(
+      {
+          {"FELD, element 2: level is not", [](auto& c) { c.fields[2].level = 2; }},
+          {"FELD, element 3: of level 0 behind", [](auto& c) { c.fields[3].level = 0; }},
+          {"FELD, element 2: is not of the piece", [](auto& c) { c.fields[2].held = 1; }},
+          {"FELD, element 3: is not of the piece", [](auto& c) { c.fields[3].driven_count = 0; }},
+          {"FELD, element 3: is not of the piece", [](auto& c) { c.fields[3].function_count = 6; }},
+          {"FELD, element 2: its contact points", [](auto& c) { c.field_points[20].area *= 2; }},
+          {"FFUN, element 13: driven by another",
+           [](auto& c) {
+             for (std::size_t j = 13; j < 17; ++j) c.field_functions[j].pin_set = 0;
+           }},
+      },
+      sound);
 }
 
 TEST(PackageFaults, EveryPieceHasItsFreeField) {

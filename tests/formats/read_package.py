@@ -427,7 +427,7 @@ class Package:
                 quadratic += mode == 2
                 diagonal, total = r["INFO"][0][10:12]
                 need(1e-9 * diagonal <= radius <= max(3 * diagonal, 1), where + "radius")
-                need(self.near(center) and 0 < mass <= 1.001 * total and 0 <= alpha <= 1, where + "rest_center, mass or alpha")
+                need(self.near(center) and 0 < mass <= f32(f32(1.001) * total) and 0 <= alpha <= 1, where + "rest_center, mass or alpha")
                 need(all(0 <= f <= MOST or f == math.inf for f in frequencies), where + "frequency")
                 need(all(abs(x) <= f32(1e12) for x in c[16:22]), where + "a_qq")
                 members = r["MEMB"][first:first + count]
@@ -609,6 +609,9 @@ class Package:
             need(driven % 4 == 0 and driven <= k and (driven > 0) == (held == 1), where + "driven_count")
             need(0 <= hz <= MOST and 0 <= error <= MOST and abs(eigenvalue) <= MOST, where + "a number")
             self.check_functions(f[4], k, driven)
+            finer = fields[i - whole][4] if i >= whole else f[4]
+            need([x[6] for x in r["FFUN"][f[4]:f[4] + driven]] == [x[6] for x in r["FFUN"][finer:finer + driven]],
+                 where + "not the pin sets of the level before")
             functions = r["FFUN"][f[4]:f[4] + k]
             self.check_samples(where, f, functions)
             first = r["BODY"][piece][0]
@@ -647,6 +650,7 @@ class Package:
                 need(pin_set == NONE and monomial == 0, where + "not driven, but names what drives it")
                 continue
             need(monomial == j % 4 and pin_set < len(self.records["PSET"]), where + "monomial or pin_set")
+            need(carried == [float(n == monomial) for n in range(4)], where + "not 1, X, Y or Z at rest")
             if monomial == 0:
                 sets.append(pin_set)
             need(pin_set == sets[-1], where + "not the pin set of its four")

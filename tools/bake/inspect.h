@@ -10,7 +10,7 @@
 
 namespace sinew::tools {
 
-/// `inspect --json` of a package; the keys are fixed by docs/package-format.md and the command line's contract.
+/// `inspect --json` of a package; the keys are the command line's contract.
 nlohmann::ordered_json inspectPackage(const formats::PackageView& package);
 
 /// `inspect --vertex --json`: what a vertex is, and what hangs on it. \param asked "source:1234", "visual:7",

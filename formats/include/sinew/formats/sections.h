@@ -39,13 +39,13 @@ enum Feature : std::uint64_t {
   kFeatureBarycentric = 1U << 3,        ///< section ATBC
   kFeatureClusterAttachment = 1U << 4,  ///< sections ATCR, ATCW
   kFeatureIdentity = 1U << 5,           ///< sections VSRC, SVTX, SVLS, SMSH
-  kFeatureGroups = 1U << 6,             ///< sections GRUP, GRPV
-  kFeatureTextures = 1U << 7,           ///< sections VTEX, TEXB
+  kFeatureGroups = 1U << 6,             ///< section GRUP (and GRPV)
+  kFeatureTextures = 1U << 7,           ///< section VTEX (and TEXB)
   kFeatureMechanics = 1U << 8,          ///< section CMEC (and CURV where a cluster has a curve)
   kFeatureActivation = 1U << 9,         ///< section CHAN
   kFeatureVertexStiffness = 1U << 10,   ///< section PSTF
   kFeaturePinWeights = 1U << 11,        ///< section PPIN
-  kFeatureField = 1U << 12,             ///< FELD, FFUN, FPAK, FGRD, FVAL (and FPNT, FPTV if points may touch)
+  kFeatureField = 1U << 12,             ///< sections FELD, FFUN, FPAK, FGRD, FVAL, FMOD
 };
 
 struct Header {
@@ -309,7 +309,7 @@ struct Field {
   std::uint32_t first_point_value;         ///< into FPTV: k for every eight points
   std::uint32_t first_mode;  ///< into FMOD: 3 n + 1 for every eight of its 3 n modes, n = k - driven_count
   float lowest_hz;           ///< frequency of the lowest elastic mode of the piece, free or held, Hz
-  float static_error;        ///< largest rms error of the static answers that the bake tried, of their rms displacement
+  float static_error;        ///< rms error of the static answers that the bake tried, of their rms displacement, 0..
   float least_eigenvalue;    ///< of the sampled rest stiffness against that of all tetrahedra
 };
 static_assert(sizeof(Field) == 64);
