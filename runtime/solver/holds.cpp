@@ -324,6 +324,51 @@ void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& ampl
   for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -float(answerOf(piece.holds, ways, first + m));
 }
 
+// Forces are f = D^-1 (b - P P^T f), and the amplitudes a = -P^T f.
+std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
+               Array<float>& of_picks) {
+  const Field& field = piece.field();
+  const Holds& holds = piece.holds;
+  std::size_t at = 12 * holds.sets.size();
+  for (const Pin& pin : body.pins) at += isIn(field, pin.vertex) ? 3U : 0U;
+  const std::size_t end = 12 * holds.sets.size() + 3 * std::size_t(holds.single);
+  const auto picks = std::uint32_t((end - at) / 3);
+  if (picks == 0) return 0;
+  std::fill(of_picks.begin(), of_picks.end(), 0.0F);
+  for (const Pick& pick : body.picks) {
+    if (!isIn(field, pick.point.vertex[0]) || at == end) continue;
+    Vector3d off = Eigen::Map<const Eigen::Vector3f>(ways.of_holds.data() + at).cast<double>();
+    at += 3;
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      off += valueAt(field, pick.point, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + std::size_t{3} * j);
+    }
+    const auto forEachAxis = [&](const auto& visit) {
+      forEachVertex(field, pick.point, [&](double weight, const auto& value) {
+        for (std::uint32_t axis = 0; axis < 3; ++axis) {
+          for (std::uint32_t m = 0; m < field.residual_modes; ++m) visit(axis, m, weight * value(axis, m));
+        }
+      });
+    };
+    forEachAxis([&](std::uint32_t axis, std::uint32_t m, double p) { off[int(axis)] += p * double(amplitudes[m]); });
+    const Vector3d force = springOf(piece, pick, holds.stiffness).kappa / double(holds.stiffness) * off;
+    forEachAxis([&](std::uint32_t axis, std::uint32_t m, double p) { of_picks[m] -= float(p * force[int(axis)]); });
+  }
+  for (std::uint32_t m = 0; m < field.residual_modes; ++m) amplitudes[m] -= of_picks[m];
+  return picks;
+}
+
+float windowOfPicks(const Body& body, const Piece& piece, std::uint32_t vertex) {
+  const Field& field = piece.field();
+  const double reach = double(body.package().info().diagonal) / std::cbrt(double(field.k));
+  double most = 0;
+  for (const Pick& pick : body.picks) {
+    if (!isIn(field, pick.point.vertex[0])) continue;
+    const double far2 = (restOf(body, vertex) - restOf(body, pick.point)).squaredNorm() / (reach * reach);
+    most = std::max(most, 1 - far2);
+  }
+  return float(most * most);
+}
+
 double ownCompliance(const Field& field, const PickedPoint& point) {
   double sum = 0;
   for (std::uint32_t m = 0; m < field.residual_modes; ++m) {
@@ -334,18 +379,6 @@ double ownCompliance(const Field& field, const PickedPoint& point) {
     sum += mode.squaredNorm();
   }
   return sum / 3;
-}
-
-void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways,
-             std::span<Vec3> x) {
-  const std::uint32_t blocks = std::uint32_t((x.size() + 7) / 8);
-  ways.resize(24 * std::size_t(blocks));
-  kernels().residual_values({field.residual_modes, blocks, field.residual, amplitudes.data(), ways.data()});
-  const Matrix3 frame = field.residual_scale * turned.cast<float>();
-  for (std::size_t v = 0; v < x.size(); ++v) {
-    const float* const way = ways.data() + 24 * (v / 8) + v % 8;
-    x[v] = asArray(Vector3(asVector(x[v]) + frame * Vector3(way[0], way[8], way[16])));
-  }
 }
 
 RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece) {

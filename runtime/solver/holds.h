@@ -9,6 +9,7 @@
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/interact/pin_sets.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/solver/piece.h"
 #include "runtime/world/body.h"
 
@@ -119,12 +120,32 @@ double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row);
 
 /// Amplitudes of the residual modes: P^T S b, pulling back. \param[out] amplitudes r
 void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes);
+/// Moves the part of the amplitudes that picks have. Modes cut off at the last ring all over the piece where a point is
+/// pulled; what is given way to a pick is drawn near it alone, by windowOfPicks().
+/// \pre the amplitudes are of these ways. \param[out] of_picks as many. \return how many picks there are
+std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
+               Array<float>& of_picks);
+/// 1 at the piece's picked points, 0 from R = diagonal / k^(1/3) on, about a wave of the functions: (1 - d^2 / R^2)^2
+/// of the distance d at rest to the nearest.
+float windowOfPicks(const Body& body, const Piece& piece, std::uint32_t vertex);
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 
 /// Moves the piece's first vertices by the residual modes. \param turned the frame of the amplitudes. \param ways
-/// scratch, 24 for every eight vertices. \param x of these
+/// scratch, 24 for every eight vertices. \param x of these. \param window called with the number of a vertex in the
+/// body: factor of its way
+template <class Window>
 void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways,
-             std::span<Vec3> x);
+             std::span<Vec3> x, const Window& window) {
+  const std::uint32_t blocks = std::uint32_t((x.size() + 7) / 8);
+  ways.resize(24 * std::size_t(blocks));
+  kernels().residual_values({field.residual_modes, blocks, field.residual, amplitudes.data(), ways.data()});
+  const Matrix3 frame = field.residual_scale * turned.cast<float>();
+  for (std::uint32_t v = 0; v < x.size(); ++v) {
+    const float* const way = ways.data() + 24 * (v / 8) + v % 8;
+    const Vector3 moved = frame * Vector3(way[0], way[8], way[16]);
+    x[v] = asArray(Vector3(asVector(x[v]) + window(field.first_vertex + v) * moved));
+  }
+}
 
 }  // namespace sinew::internal

@@ -84,7 +84,16 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   findWays(body, piece, z, place, part, piece.holds.stiffness, body.ways);
   body.amplitudes.resize(field.residual_modes);
   findAmplitudes(piece, body.ways, body.amplitudes);
-  giveWay(field, body.amplitudes, place.turned, body.field_values, {body.x.data() + field.first_vertex, count});
+  body.pick_amplitudes.resize(field.residual_modes);
+  const std::span<Vec3> x(body.x.data() + field.first_vertex, count);
+  const std::uint32_t picks = takePicks(body, piece, body.ways, body.amplitudes, body.pick_amplitudes);
+  if (piece.holds.count > picks) {
+    giveWay(field, body.amplitudes, place.turned, body.field_values, x, [](std::uint32_t) { return 1.0F; });
+  }
+  if (picks > 0) {
+    giveWay(field, body.pick_amplitudes, place.turned, body.field_values, x,
+            [&](std::uint32_t v) { return windowOfPicks(body, piece, v); });
+  }
 }
 
 }  // namespace

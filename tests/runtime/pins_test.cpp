@@ -457,6 +457,50 @@ TEST(Pins, ComeAndGoWithoutMovingTheBody) {
   }
 }
 
+// Residual modes ring all over a piece that is pulled at a point: what gives way to a pick is drawn near it alone.
+TEST(Picks, FarFromThemTheFunctionsAreDrawn) {
+  Beam beam;
+  beam.residuals = true;
+  beam.gravity = 0;
+  HeldBeam held(beam);
+  held.world.unpinAll(held.body);
+  const std::uint32_t picked = held.end[0];
+  const formats::PackageView& package = held.asset->package();
+  const auto restOf = [&](std::size_t v) { return wide(package.physicalVertices()[v].rest_position); };
+  const Vector3d target = restOf(picked) + Vector3d(0.1, 0.3, 0);
+  ASSERT_NE(held.world.pick(held.body, BodyPoint::physicalVertex(picked),
+                            {float(target[0]), float(target[1]), float(target[2])}),
+            PickId{});
+  run(held.world, 0.2);
+  // What the functions leave of the drawn places, near and far.
+  const formats::Field& field = package.fields()[0];
+  const Eigen::Index k = field.function_count;
+  const double reach = double(package.info().diagonal) / std::cbrt(double(k));
+  for (const bool far : {true, false}) {
+    std::vector<std::size_t> chosen;
+    for (std::size_t v = 0; v < package.physicalVertices().size(); ++v) {
+      if (((restOf(v) - restOf(picked)).norm() > reach) == far) chosen.push_back(v);
+    }
+    const auto rows = Eigen::Index(chosen.size());
+    ASSERT_GT(rows, 2 * k);
+    Eigen::MatrixXd values(rows, k), places(rows, 3);
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      const std::size_t v = chosen[std::size_t(i)];
+      for (Eigen::Index j = 0; j < k; ++j) {
+        values(i, j) =
+            double(package.fieldValues()[field.first_value + std::size_t(k) * (v / 8) + std::size_t(j)][v % 8]);
+      }
+      places.row(i) = wide(held.world.positions(held.body)[v]).transpose();
+    }
+    const double left = (values * values.colPivHouseholderQr().solve(places) - places).cwiseAbs().maxCoeff();
+    if (far) {
+      EXPECT_LT(left, 1e-5);
+    } else {
+      EXPECT_GT(left, 1e-4);
+    }
+  }
+}
+
 TEST(PinSets, ALetGoBodyIsFree) {
   Beam beam;
   beam.gravity = 0;

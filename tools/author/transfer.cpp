@@ -592,15 +592,14 @@ fs::path freeMaskFile(const fs::path& recipe) {
   }
 }
 
-void refuseWhatIsMissing(const TransferResult& result, double area_scale, const fs::path& source,
-                         const fs::path& recipe) {
+void refuseWhatIsMissing(const TransferResult& result, const fs::path& source, const fs::path& recipe) {
   std::string missing;
   std::string first;
   for (const TransferredSelection& s : result.selections) {
-    if (s.old_area <= 0 || s.new_area >= kLeastFound * area_scale * s.old_area) continue;
+    if (s.old_area <= 0 || s.new_area >= kLeastFound * s.old_area) continue;
     if (first.empty()) first = s.name;
     missing += (missing.empty() ? "" : ", ") + s.kind + " " + s.name +
-               sentence(" (%.0f %% of its area)", 100 * s.new_area / (area_scale * s.old_area));
+               sentence(" (%.0f %% of its area)", 100 * s.new_area / s.old_area);
   }
   if (missing.empty()) return;
   throw ToolError(ExitCode::bad_input, source.string(), "lacks what the recipe names: " + missing,
@@ -655,11 +654,11 @@ TransferResult transferRecipe(const TransferOptions& options, Progress& progress
   moveFiles(document, old_recipe.folder, target, options.new_source);
   // Files are looked for from where the new recipe will stand.
   const Recipe new_recipe = parseRecipe(document.dump(), target);
-  const double area_scale = to_new.scale * to_new.scale;
   Carrier carrier(old_recipe, new_recipe, old, fresh, match);
   carrier.run(document);
   result.selections = std::move(carrier.selections);
-  refuseWhatIsMissing(result, area_scale, options.new_source, options.recipe);
+  for (TransferredSelection& s : result.selections) s.old_area *= to_new.scale * to_new.scale;
+  refuseWhatIsMissing(result, options.new_source, options.recipe);
   if (!carrier.stored.empty()) {
     result.mask_file = freeMaskFile(target);
     result.mask_text = storedMasksText(fresh.mesh, carrier.stored);

@@ -29,7 +29,7 @@ struct TransferredSelection {
   bool stored = false;  ///< it became a stored mask; else it says what it said
   std::array<std::size_t, kMatchRules> matched = {};  ///< visual vertices that it selects, by rule
   double largest = 0, rms = 0;        ///< m: how far those vertices lie from their old places; 0 where none has one
-  double old_area = 0, new_area = 0;  ///< m^2, weighted
+  double old_area = 0, new_area = 0;  ///< m^2, weighted; the old one at the new scale
 };
 
 struct TransferResult {

@@ -249,9 +249,11 @@ class SourceCheck {
     }
     if (pieces_.pieces.size() > 1) {
       const std::size_t n = pieces_.pieces.size();
-      Finding& f = add("several-pieces", Severity::info,
-                       "the parts lie apart and become " + std::to_string(n) + " pieces that move on their own", n,
-                       "Raise tetrahedra.join, or join the parts, if they belong together.");
+      Finding& f =
+          add("several-pieces", Severity::info,
+              "the parts lie apart and become " + std::to_string(n) + " pieces that move on their own", n,
+              "Raise tetrahedra.join, or join the parts, if they belong together. Pieces pass through each other "
+              "unless self_contact is set, in a scene file or BodySettings.");
       std::vector<std::uint32_t> triangles;
       for (const SolidPiece& piece : pieces_.pieces)
         triangles.push_back(topology_.parts[piece.parts.front()].triangles.front());
@@ -276,16 +278,26 @@ class SourceCheck {
       const std::vector<std::uint32_t>* rim;
       double width;
     };
+    // The farthest from the farthest from its first point: of a circle its diameter.
+    const auto widthOf = [&](const std::vector<std::uint32_t>& rim) {
+      const auto farthest = [&](std::uint32_t from) {
+        const auto far = [&](std::uint32_t p) {
+          return (mesh_.welded_positions[p] - mesh_.welded_positions[from]).norm();
+        };
+        const std::uint32_t to =
+            *std::max_element(rim.begin(), rim.end(), [&](auto a, auto b) { return far(a) < far(b); });
+        return std::pair{to, far(to)};
+      };
+      return farthest(farthest(rim.front()).first).second;
+    };
     std::vector<Hole> holes, cracks, flaps;
     for (const auto& rim : topology_.boundary_loops) {
       if (part_at[rim[0]] == formats::kNone || is_sheet_[part_at[rim[0]]]) continue;
-      Eigen::AlignedBox3d box;
-      for (const std::uint32_t point : rim) box.extend(mesh_.welded_positions[point]);
       const std::array<std::uint32_t, 2> last = {std::min(rim.front(), rim.back()), std::max(rim.front(), rim.back())};
       // A rim that does not come back to its start ends on an edge with further faces.
       const bool comes_back =
           rim.size() > 2 && std::binary_search(topology_.boundary_edges.begin(), topology_.boundary_edges.end(), last);
-      (!comes_back ? flaps : isCrack(rim) ? cracks : holes).push_back({&rim, box.diagonal().norm()});
+      (!comes_back ? flaps : isCrack(rim) ? cracks : holes).push_back({&rim, widthOf(rim)});
     }
     const auto report = [&](std::vector<Hole>& list, const char* id, const char* one, const char* many,
                             const char* cure) {
