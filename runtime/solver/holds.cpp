@@ -326,7 +326,7 @@ void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& ampl
 
 // Forces are f = D^-1 (b - P P^T f), and the amplitudes a = -P^T f.
 std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
-               Array<float>& of_picks) {
+                        Array<float>& of_picks) {
   const Field& field = piece.field();
   const Holds& holds = piece.holds;
   std::size_t at = 12 * holds.sets.size();

@@ -124,7 +124,7 @@ void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& ampl
 /// pulled; what is given way to a pick is drawn near it alone, by windowOfPicks().
 /// \pre the amplitudes are of these ways. \param[out] of_picks as many. \return how many picks there are
 std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
-               Array<float>& of_picks);
+                        Array<float>& of_picks);
 /// 1 at the piece's picked points, 0 from R = diagonal / k^(1/3) on, about a wave of the functions: (1 - d^2 / R^2)^2
 /// of the distance d at rest to the nearest.
 float windowOfPicks(const Body& body, const Piece& piece, std::uint32_t vertex);
