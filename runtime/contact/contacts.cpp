@@ -2,6 +2,7 @@
 #include "runtime/contact/contacts.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "runtime/contact/firmness.h"
@@ -191,18 +192,43 @@ class Search {
     }
   }
 
+  /// Calls visit(candidates) for each collider that has some: they lie side by side.
+  template <class Visit>
+  void forEachCollider(const Visit& visit) const {
+    const std::span<const Candidate> all = lent_.candidates;
+    for (std::size_t first = 0, end = 0; first < all.size(); first = end) {
+      while (end < all.size() && all[end].collider == all[first].collider) ++end;
+      visit(all.subspan(first, end - first));
+    }
+  }
+
   /// Of many those carry that are near before the step, for which do must not depend on its length; then the others.
+  /// Colliders that have more than their share have as many as one another: what lies on the ground meets walls.
   void choose() {
     chooseWays();
-    std::size_t near_before = 0;
-    for (const Candidate& candidate : lent_.candidates) near_before += candidate.near_before ? 1U : 0U;
-    std::size_t first = kMostContacts, others = kMostContacts - std::min<std::size_t>(near_before, first);
-    for (const Candidate& candidate : lent_.candidates) {
-      std::size_t& left = candidate.near_before ? first : others;
-      if (left == 0) continue;
-      --left;
-      add(candidate);
+    const auto takenBy = [this](std::size_t share) {
+      std::size_t taken = 0;
+      forEachCollider([&](std::span<const Candidate> of_one) { taken += std::min(of_one.size(), share); });
+      return taken;
+    };
+    std::size_t share = 0;
+    for (std::size_t step = std::bit_floor(std::size_t{kMostContacts}); step > 0; step /= 2) {
+      if (takenBy(share + step) <= kMostContacts) share += step;
     }
+    std::size_t left = kMostContacts - takenBy(share);
+    forEachCollider([&](std::span<const Candidate> of_one) {
+      std::size_t count = std::min(of_one.size(), share);
+      if (count < of_one.size() && left > 0) ++count, --left;
+      const auto before = std::size_t(std::count_if(of_one.begin(), of_one.end(),
+                                                    [](const Candidate& candidate) { return candidate.near_before; }));
+      std::size_t first = std::min(before, count), others = count - first;
+      for (const Candidate& candidate : of_one) {
+        std::size_t& allowed = candidate.near_before ? first : others;
+        if (allowed == 0) continue;
+        --allowed;
+        add(candidate);
+      }
+    });
     for (std::size_t i = 0; i < scratch_.contacts.size(); ++i) {
       Contact& contact = scratch_.contacts[i];
       float* const row = scratch_.rows.data() + std::size_t(field_.k) * i;

@@ -18,6 +18,8 @@ using Eigen::Vector3f;
 /// Rounds in which a place's material point is found, and how near, diagonals.
 constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
+/// Looks along a point's way in a step.
+constexpr float kMostTraced = 256;
 /// Functions of a field at most (FieldRange::function_count).
 constexpr std::size_t kMostFunctions = 1024;
 /// Steps of a way out, each as long as the surface is far.
@@ -338,10 +340,10 @@ class TouchSearch {
 
   /// Whether a point's way in the step leads into b from outside, and where: of what is fast the prediction may lie
   /// beyond b, or nearer to where it would come out. Steps along the way are as long as the surface is far (Hart 1996),
-  /// and no shorter than what is seen at all.
+  /// and no shorter than what is seen at all; there are so many at most.
   bool enters(const Vector3f& at, const Vector3f& was, Vector3f& place, float& distance, Vector3f& outward) {
     const Vector3f from = was - b_.center_before, way = at - from;
-    const float length = way.norm(), least = 0.5F * b_.map->spacing();
+    const float length = way.norm(), least = std::max(0.5F * b_.map->spacing(), length / kMostTraced);
     float outside = 0;
     for (float t = 0; t <= 1;) {
       const float far = b_.map->distance(b_.turn.transpose() * (from + t * way) + b_.rest_center) - 2 * b_.bent;

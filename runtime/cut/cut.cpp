@@ -60,6 +60,9 @@ const char* faultOf(const formats::PackageView& package, std::span<const Vec3> p
   if (!(settings.spacing >= 0) || !(settings.least_part >= 0 && settings.least_part <= 0.5F)) {
     return "spacing is below 0, or least_part outside 0 to 0.5";
   }
+  for (const float c : settings.section_color) {
+    if (!(c >= 0 && c <= 1)) return "section_color is outside 0 to 1";
+  }
   if (package.visualTriangles().empty() || package.tetrahedra().empty()) {
     return "the package has no visual triangles or no tetrahedra";
   }

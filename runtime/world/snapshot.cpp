@@ -95,6 +95,8 @@ struct SavedFactor {
   std::uint32_t points, floats;
 };
 
+std::size_t floatsOfFactor(const internal::Field& field) { return std::size_t(field.unknowns()) * field.stride; }
+
 struct SavedCollider {
   std::uint32_t id, kind, positions, triangles;  ///< of a height field: heights, columns
   std::array<float, 4> numbers;                  ///< of its shape
@@ -362,11 +364,12 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           std::size_t factor_bytes = 0;
           for (const Piece& piece : body->pieces) {
             const auto factor = factors.get<SavedFactor>();
-            const auto fits = [&](const internal::Field* f) {
-              return f != nullptr && factor.floats == std::size_t(f->unknowns()) * f->stride;
-            };
+            const auto& fields = body->rest().fields;  // of all levels
+            const bool fits = std::any_of(fields.begin(), fields.end(), [&](const internal::Field& f) {
+              return f.piece == piece.free->piece && factor.floats == floatsOfFactor(f);
+            });
             sound = sound && std::isfinite(factor.h) && factor.h >= 0 &&
-                    (factor.h == 0 ? factor.floats == 0 && factor.points == 0 : fits(piece.free) || fits(piece.fixed));
+                    (factor.h == 0 ? factor.floats == 0 && factor.points == 0 : fits);
             const std::uint64_t size = std::uint64_t(factor.points) * sizeof(internal::SystemFactor::Point) +
                                        std::uint64_t(factor.floats) * sizeof(float);
             factors.bytes(size);
@@ -494,7 +497,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
             const auto factor = factors.get<SavedFactor>();
             factors.get(piece.system.points, factor.points);
             factors.get(piece.system.factor, factor.floats);
-            piece.system.h = factor.h;
+            piece.system.h = factor.floats == floatsOfFactor(piece.field()) ? factor.h : 0;
           }
         }
         impl_->settings = restored(settings);

@@ -344,10 +344,15 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
   impl_->changed(*body);
   geometry::Quaternion turn = geometry::kIdentityQuaternion;
   geometry::nearestRotation(internal::asMatrix(rotation), turn);
-  const Eigen::Matrix3d r = Eigen::Quaterniond(double(turn[0]), double(turn[1]), double(turn[2]), double(turn[3]))
-                                .normalized()
-                                .toRotationMatrix();
-  const Eigen::Vector3d t = asVector(translation).cast<double>();
+  impl_->move(*body,
+              Eigen::Quaterniond(double(turn[0]), double(turn[1]), double(turn[2]), double(turn[3]))
+                  .normalized()
+                  .toRotationMatrix(),
+              asVector(translation).cast<double>());
+}
+
+void World::Impl::move(Body& moved_body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t) {
+  Body* const body = &moved_body;
   const auto rotate = [&](float* p, std::ptrdiff_t stride) {
     const Eigen::Vector3d turned = r * Eigen::Vector3d(double(p[0]), double(p[stride]), double(p[2 * stride]));
     for (int k = 0; k < 3; ++k) p[k * stride] = float(turned[k]);

@@ -484,7 +484,7 @@ std::uint32_t World::advance(float seconds) {
   const std::uint32_t steps = std::uint32_t(std::min(whole, double(settings.most_substeps)));
   return impl_->guarded("advance", 0U, [&] {
     impl_->keepDrawn();
-    if (steps > 0) impl_->forgetTouches();
+    impl_->forgetTouches();
     for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, 1.0 / (steps - i));
     if (steps > 0) impl_->forgetForces();
     impl_->left_over = std::max(0.0, time - whole * h);
@@ -554,13 +554,17 @@ void World::shiftOrigin(Vec3 by) {
   }
   Impl::Presence presence(*impl_, "shiftOrigin", Impl::As::changes);
   if (!presence) return;
-  presence.lend();
+  // Nothing moves against anything else: what sleeps sleeps on.
+  const Eigen::Vector3d way = -asVector(by).cast<double>();
   for (const internal::BodyPointer& body : impl_->bodies) {
-    teleport({body->id}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-by[0], -by[1], -by[2]});
+    impl_->move(*body, Eigen::Matrix3d::Identity(), way);
+    for (internal::Piece& piece : body->pieces) piece.box.translate(way);
   }
+  impl_->visual.invalidate();
   for (internal::Collider& collider : impl_->colliders) collider.shift(-asVector(by));
-  GroundPlane& ground = impl_->settings.ground;
-  ground.offset -= asVector(ground.normal).dot(asVector(by));
+  for (GroundPlane* ground : {&impl_->settings.ground, &impl_->acting.ground}) {
+    ground->offset -= asVector(ground->normal).dot(asVector(by));
+  }
 }
 
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {

@@ -172,6 +172,9 @@ struct SINEW_HIDDEN World::Impl {
     }
   }
 
+  /// The body, what holds it and what was drawn of it become r x + t.
+  void move(internal::Body& body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t);
+
   /// Whether a point is one of a body; tells the log where it is not.
   bool isOf(const internal::Body& body, const BodyPoint& at, const char* call) const;
   /// Whether an impulse or a force is a number; tells the log where it is not.

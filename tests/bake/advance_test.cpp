@@ -201,6 +201,28 @@ TEST(Advance, PreviousPositionsAreThoseDrawnBefore) {
   }
 }
 
+// Impulses and events are those of one call: a frame that takes no step has none.
+TEST(Advance, WhatTouchesIsToldOnce) {
+  WorldSettings settings;
+  settings.ground.enabled = true;
+  World world(settings);
+  BodySettings placed;
+  placed.position = {0, 0.6F, 0};
+  const BodyId body = *world.addBody(bar(), placed);
+  const float mass = world.motion(body).mass;
+  double sum = 0;
+  for (int frame = 0; frame < 4 * 144; ++frame) {
+    const bool stepped = world.advance(1.0F / 144) > 0;
+    const float impulse = world.colliderReaction(kGroundCollider).impulse[1];
+    if (!stepped) {
+      EXPECT_EQ(impulse, 0);
+      EXPECT_TRUE(world.contactEvents().empty());
+    }
+    sum += double(impulse);
+  }
+  EXPECT_NEAR(sum, -4 * 9.81 * double(mass), 0.05 * 4 * 9.81 * double(mass));
+}
+
 TEST(Advance, WhatIsNoTimeDoesNothing) {
   World world;
   const BodyId body = *world.addBody(heldBar());

@@ -106,6 +106,41 @@ TEST(Levels, ChangeWithoutAPop) {
   }
 }
 
+// Of bodies that touch, so that factors are saved too.
+TEST(Levels, SnapshotsHoldThem) {
+  const auto asset = barAsset(2);
+  WorldSettings settings;
+  settings.ground.enabled = settings.collisions = true;
+  World world(settings);
+  BodySettings placed;
+  placed.level = 1;
+  const BodyId low = *world.addBody(asset, placed);
+  placed.level = 0;
+  placed.position = {0, 1, 0};
+  ASSERT_TRUE(world.addBody(asset, placed));
+  for (int i = 0; i < 30; ++i) world.step(kStep);
+  for (const std::uint32_t level : {1U, 2U, 0U}) {
+    setLevel(world, low, level);
+    for (int i = 0; i < 5; ++i) world.step(kStep);
+    std::vector<std::byte> bytes(world.snapshotBytes());
+    ASSERT_EQ(world.saveSnapshot(bytes), bytes.size());
+    const auto go = [&](World& in) {
+      for (int i = 0; i < 20; ++i) in.step(kStep);
+      return drawn(in, low);
+    };
+    const std::vector<Vec3> expected = go(world);
+    setLevel(world, low, (level + 1) % 3);
+    go(world);
+    const auto here = world.restoreSnapshot(bytes);
+    ASSERT_TRUE(here) << here.reason();
+    EXPECT_EQ(go(world), expected) << level;
+    World other;
+    const auto there = other.restoreSnapshot(bytes, std::array{asset});
+    ASSERT_TRUE(there) << there.reason();
+    EXPECT_EQ(go(other), expected) << level;
+  }
+}
+
 TEST(Levels, FadeWhatTheyLose) {
   const auto asset = barAsset(2);
   World world(inSpace());

@@ -185,6 +185,55 @@ TEST(Materials, WhatYieldsStaysAtAnyStep) {
   EXPECT_LT(lengthAfterPull(4, 0.1F, 1.0F / 60), 1.1);
 }
 
+// At its limit a shape flows no more, and the body sleeps.
+TEST(Materials, APlasticBodyFallsAsleep) {
+  const auto asset = barOf(false, 2, [](formats::PackageContent& content) {
+    content.mechanics[0].plastic_yield = 0.02F;
+    content.mechanics[0].plastic_creep = 5;
+    content.mechanics[0].plastic_limit = 0.1F;
+  });
+  WorldSettings settings;
+  settings.gravity = {0, -30, 0};
+  settings.ground.enabled = true;
+  settings.ground.offset = -0.5F;
+  settings.sleep_seconds = 0.5F;
+  World world(settings);
+  BodySettings turned;
+  turned.rotation = {0, -1, 0, 1, 0, 0, 0, 0, 1};
+  const BodyId body = *world.addBody(asset, turned);
+  for (int step = 0; step < 3000 && !world.isAsleep(body); ++step) world.step(1.0F / 60);
+  EXPECT_TRUE(world.isAsleep(body));
+}
+
+// More points lie on the ground than there are contacts: walls have their share.
+TEST(Contacts, WhatLiesOnTheGroundMeetsWalls) {
+  test::BoxOptions box;
+  box.cells = {24, 1, 24};
+  box.size = {1, 0.06, 1};
+  formats::PackageContent content = test::boxContent(box);
+  tools::Settings baked;
+  baked.field.points = 1024;
+  tools::addFields(baked, content);
+  const auto asset = *Asset::fromMemory(formats::writePackage(content));
+  WorldSettings settings;
+  settings.ground.enabled = true;
+  settings.ground.offset = -0.03F;
+  World world(settings);
+  ColliderSettings wall;
+  wall.at.position = {1.1F, 0, 0};
+  ASSERT_TRUE(world.addCollider(BoxShape{{0.1F, 1, 1}}, wall));
+  const BodyId body = *world.addBody(asset);
+  for (int step = 0; step < 60; ++step) world.step(1.0F / 60);
+  world.setVelocity(body, {4, 0, 0});
+  double farthest = 0;
+  for (int step = 0; step < 90; ++step) {
+    world.step(1.0F / 60);
+    for (const Vec3& x : world.positions(body)) farthest = std::max(farthest, double(x[0]));
+  }
+  EXPECT_GT(farthest, 0.9);
+  EXPECT_LT(farthest, 1.1);
+}
+
 TEST(Materials, APlasticBodyIsSavedAndRestored) {
   const auto asset = barOf(true, 4, [](formats::PackageContent& content) { content.mechanics[0].plastic_creep = 4; });
   WorldSettings settings;

@@ -126,6 +126,7 @@ TEST(Cut, WhatIsNoNumberIsRefused) {
   EXPECT_NE(refusalOf(*asset, {{0, 0, 0}, {0, nan, 0}}), "");
   EXPECT_NE(refusalOf(*asset, {{0, 0, 0}, {0, 1, 0}}, {.spacing = nan}), "");
   EXPECT_NE(refusalOf(*asset, {{0, 0, 0}, {0, 1, 0}}, {.least_part = -1}), "");
+  EXPECT_NE(refusalOf(*asset, {{0, 0, 0}, {0, 1, 0}}, {.section_color = {7, 0, 0, 1}}), "");
   std::vector<Vec3> positions = restOf(*asset);
   positions[3][1] = nan;
   EXPECT_FALSE(cutAsset(*asset, positions, {{0, 0, 0}, {0, 1, 0}}));

@@ -175,6 +175,43 @@ TEST(Touch, RestsOnWhatIsPausedAndFallsThroughWhatIsDisabled) {
   EXPECT_TRUE(std::ranges::equal(there, world.positions(rock)));
 }
 
+// The origin moves, and nothing against anything else: sleepers sleep on, and wake where they should.
+TEST(Touch, SleepersSleepThroughAShiftOfTheOrigin) {
+  const auto asset = touchingBox({1, 0.6, 1});
+  WorldSettings settings;
+  settings.collisions = settings.ground.enabled = true;
+  settings.sleep_seconds = 0.5F;
+  World world(settings);
+  ColliderSettings shelf;
+  shelf.at.position = {5, 0.5F, 0};
+  ASSERT_TRUE(world.addCollider(BoxShape{{1, 0.5F, 1}}, shelf));
+  std::vector<BodyId> bodies;
+  for (const Vec3& place : {Vec3{0, 0.3F, 0}, Vec3{0, 0.92F, 0}, Vec3{5, 1.3F, 0}}) {
+    BodySettings at;
+    at.position = place;
+    at.stiffness_scale = 8;
+    bodies.push_back(*world.addBody(asset, at));
+  }
+  const auto asleep = [&] {
+    return std::count_if(bodies.begin(), bodies.end(), [&](BodyId body) { return world.isAsleep(body); });
+  };
+  for (int i = 0; i < 1200 && asleep() < 3; ++i) world.step(kStep);
+  ASSERT_EQ(asleep(), 3);
+  const double high = motionOf(world, {bodies[1]}).center[1];
+  for (const Vec3& by : {Vec3{100, -20, 3}, Vec3{-40, 30.5F, 0}}) {
+    world.shiftOrigin(by);
+    for (int i = 0; i < 30; ++i) world.step(kStep);
+    EXPECT_EQ(asleep(), 3);
+  }
+  EXPECT_NEAR(motionOf(world, {bodies[1]}).center[1], high - 10.5, 1e-4);
+  BodySettings at;
+  at.position = {-60, 0.92F - 10.5F + 0.8F, -3};
+  ASSERT_TRUE(world.addBody(asset, at));
+  for (int i = 0; i < 60; ++i) world.step(kStep);
+  EXPECT_FALSE(world.isAsleep(bodies[0]));
+  EXPECT_TRUE(world.isAsleep(bodies[2]));
+}
+
 TEST(Touch, ASnapshotGoesOnBitForBit) {
   const auto asset = touchingBox({1, 0.6, 1});
   WorldSettings settings;

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <regex>
 #include <set>
 
@@ -146,6 +148,33 @@ TEST(CheckSource, ALooseSheetBesideABodyIsNoHole) {
   EXPECT_EQ(warnings(findings), (std::set<std::string>{"loose-sheets", "large-sheets"}));
   EXPECT_EQ(find(findings, "loose-sheets")->count, 1U);
   EXPECT_EQ(find(findings, "loose-sheets")->places, (Places{6}));
+}
+
+TEST(CheckSource, ASmallBoxBesideALargeOneIsNoSheet) {
+  std::vector<Vector3d> positions;
+  Faces faces;
+  addBox(positions, faces, {0, 0, 0}, {1, 1, 1});
+  addBox(positions, faces, {0.4, 1.02, 0.4}, {0.5, 1.12, 0.5});
+  const auto findings = check(makeMesh(positions, faces));
+  EXPECT_TRUE(warnings(findings).empty());
+  ASSERT_NE(find(findings, "small-parts"), nullptr);
+  EXPECT_EQ(find(findings, "small-parts")->places, (Places{6}));
+}
+
+// A round hole of 1 m is 1 m across, however it lies.
+TEST(CheckSource, AHoleIsAsWideAsItIs) {
+  std::vector<Vector3d> positions = {{0, 0, 3}};
+  Faces faces;
+  constexpr std::uint32_t kSides = 24;
+  for (std::uint32_t i = 0; i < kSides; ++i) {
+    const double turn = 2 * std::numbers::pi * i / kSides;
+    positions.push_back({0.5 * std::cos(turn), 0.5 * std::sin(turn), 0});
+    faces.push_back({0, 1 + i, 1 + (i + 1) % kSides});
+  }
+  const auto findings = check(makeMesh(positions, faces));
+  ASSERT_NE(find(findings, "open-boundary"), nullptr);
+  EXPECT_NE(find(findings, "open-boundary")->message.find("24 points on the rim, 1 m across"), std::string::npos)
+      << find(findings, "open-boundary")->message;
 }
 
 TEST(CheckSource, ASkinWithoutInsideIsSaidToEncloseNothing) {

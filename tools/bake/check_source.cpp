@@ -224,6 +224,19 @@ class SourceCheck {
       loose.insert(loose.end(), sheets.begin(), sheets.end());
     }
     std::sort(loose.begin(), loose.end());
+    std::vector<std::uint32_t> small = pieces_.attached_solids;
+    if (!small.empty()) {
+      std::sort(small.begin(), small.end());
+      std::erase_if(loose, [&](std::uint32_t p) { return std::binary_search(small.begin(), small.end(), p); });
+      Finding& f = add("small-parts", Severity::info,
+                       counted(small.size(), "small closed part lies", "small closed parts lie") +
+                           " close to a much larger one, and " + (small.size() == 1 ? "moves" : "move") + " with it",
+                       small.size(), "Bake them as files of their own if they are to fall by themselves.");
+      std::vector<std::uint32_t> triangles;
+      for (const std::uint32_t p : small) triangles.push_back(topology_.parts[p].triangles.front());
+      placeFaces(f, triangles);
+      f.place = partNames(small);
+    }
     if (!loose.empty()) {
       double area = 0, total = 0;
       std::vector<std::uint32_t> triangles;
@@ -240,7 +253,8 @@ class SourceCheck {
           add(nothing ? "encloses-nothing" : "loose-sheets", Severity::warning,
               nothing ? "no part of the surface encloses anything: the body will be a layer of tetrahedra around it"
                       : counted(loose.size(), "part is a sheet that encloses", "parts are sheets that enclose") +
-                            " nothing (" + share + "); they follow the nearest piece",
+                            " nothing (" + share + "); " + (loose.size() == 1 ? "it follows" : "they follow") +
+                            " the nearest piece",
               loose.size(),
               nothing ? "Close the surface or give it thickness if it is meant to be solid."
                       : "Nothing to do for fins, hair and lashes; close a part that is meant to be solid.");

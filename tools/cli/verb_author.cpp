@@ -130,7 +130,7 @@ void show(const AuthorCommand& command) {
     std::cout << jsonText(json);
     return;
   }
-  std::printf("%s: %zu clusters, %zu masks, %zu sets of pins on %s\n", command.recipe.c_str(), recipe.clusters.size(),
+  std::printf("%s: clusters %zu, masks %zu, sets of pins %zu, on %s\n", command.recipe.c_str(), recipe.clusters.size(),
               recipe.masks.size(), recipe.pins.size(), recipe.source.c_str());
   for (const Shown& entry : shown) {
     std::printf("  %-8s %-28s %7zu visual vertices, %5.1f %% of the surface\n", entry.kind.c_str(),

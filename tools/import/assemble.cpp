@@ -313,14 +313,13 @@ class Assembler {
     const auto seams = std::count_if(vertices_at.begin(), vertices_at.end(), [](std::uint32_t n) { return n > 1; });
     if (seams > 0)
       warn("seams", std::uint64_t(seams),
-           std::to_string(seams) +
-               " points carry several vertices (UV, normal, colour or material seams, or doubled vertices); they move "
-               "as one",
+           counted(std::uint64_t(seams), "point carries", "points carry") +
+               " several vertices (UV, normal, colour or material seams, or doubled vertices), which move as one",
            "", Severity::info);
     if (!merged.empty())
       warn("welded-vertices", merged.size(),
-           std::to_string(merged.size()) + " vertices lie within " + lengthText(mesh_.weld_tolerance) +
-               " of another and were welded to it",
+           counted(merged.size(), "vertex lies", "vertices lie") + " within " + lengthText(mesh_.weld_tolerance) +
+               " of another and " + (merged.size() == 1 ? "was" : "were") + " welded to it",
            "", Severity::info, "vertex", merged);
   }
 
