@@ -15,6 +15,14 @@ double leastOf(const Vector3d& weight) { return std::min(weight.minCoeff(), 1 - 
 
 }  // namespace
 
+std::uint32_t pieceOf(const formats::PackageView& package, std::uint32_t tetrahedron) {
+  const auto pieces = package.pieces();
+  const auto behind =
+      std::upper_bound(pieces.begin(), pieces.end(), tetrahedron,
+                       [](std::uint32_t t, const formats::PieceRange& piece) { return t < piece.first_tetrahedron; });
+  return std::uint32_t(behind - pieces.begin()) - 1;
+}
+
 struct Crossing::Grid {
   struct Entry {
     std::uint32_t tetrahedron;
@@ -96,8 +104,13 @@ Crossing::Crossing(const formats::PackageView& package, const Sides& sides)
 
 Crossing::~Crossing() = default;
 
-std::optional<Interior> Crossing::at(const Vector3d& place) const {
+std::optional<Interior> Crossing::at(const Vector3d& place, std::uint32_t piece) const {
   if (grid_->cells.empty()) return std::nullopt;
+  const auto isOf = [&](std::uint32_t tetrahedron) {
+    if (piece == formats::kNone) return true;
+    const formats::PieceRange& range = package_.pieces()[piece];
+    return tetrahedron - range.first_tetrahedron < range.tetrahedron_count;
+  };
   const PlaneFrame& plane = sides_.plane;
   const auto cell = grid_->row((place - plane.point).dot(plane.up)) * grid_->columns +
                     grid_->column((place - plane.point).dot(plane.right));
@@ -105,6 +118,7 @@ std::optional<Interior> Crossing::at(const Vector3d& place) const {
   std::optional<Interior> found;
   for (const std::uint32_t i : grid_->cells[std::size_t(cell)]) {
     const Grid::Entry& entry = grid_->entries[i];
+    if (!isOf(entry.tetrahedron)) continue;
     const Vector3d weight = entry.inverse * (place - entry.last);
     const double least = leastOf(weight);
     if (!(least > best)) continue;
@@ -142,9 +156,9 @@ std::vector<Hung> Crossing::hang(const Surface& surface) const {
       hung.push_back(here);
       continue;
     }
-    // The tetrahedron that has the place now, with the weights that make its place at rest.
+    // The tetrahedron of its piece that has the place now, with the weights that make its place at rest.
     Vector3d weight = Vector3d::Constant(-1e9);
-    if (const std::optional<Interior> found = at(node.at)) {
+    if (const std::optional<Interior> found = at(node.at, pieceOf(package_, a.tetrahedron))) {
       weight = weightIn(found->hung.tetrahedron, node.rest);
       here.tetrahedron = found->hung.tetrahedron;
     }

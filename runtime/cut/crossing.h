@@ -24,6 +24,9 @@ Eigen::Matrix3d edgesOf(const Corners4& corners, const Place& place) {
   return edges;
 }
 
+/// The piece that has a tetrahedron.
+std::uint32_t pieceOf(const formats::PackageView& package, std::uint32_t tetrahedron);
+
 /// The tetrahedra that the plane passes through, by where they meet it.
 class Crossing {
  public:
@@ -32,8 +35,8 @@ class Crossing {
   Crossing(const Crossing&) = delete;
   Crossing& operator=(const Crossing&) = delete;
 
-  /// Interior at a place of the plane; none where no tetrahedron has it.
-  std::optional<Interior> at(const Vector3d& place) const;
+  /// Interior at a place of the plane; none where no tetrahedron of the piece, or of any (kNone), has it.
+  std::optional<Interior> at(const Vector3d& place, std::uint32_t piece) const;
   /// Where each node hangs.
   std::vector<Hung> hang(const Surface& surface) const;
 

@@ -89,6 +89,14 @@ std::vector<std::uint8_t> wholePieces(const formats::PackageView& package, const
   return whole;
 }
 
+/// Of nodes.
+std::vector<std::uint32_t> piecesOf(const formats::PackageView& package, std::span<const cutting::Hung> nodes) {
+  std::vector<std::uint32_t> result;
+  result.reserve(nodes.size());
+  for (const cutting::Hung& node : nodes) result.push_back(cutting::pieceOf(package, node.tetrahedron));
+  return result;
+}
+
 struct MadePart {
   CutPart part;
   double fields_ms = 0, packages_ms = 0;
@@ -137,11 +145,13 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
     cutting::Surface surface = is_slit ? cutting::clipSlit(package, sides) : cutting::clipSurface(package, sides);
     watch.lap(result.times.surface);
     const cutting::Crossing crossing(package, sides);
-    const auto locate = [&](const cutting::Vector3d& at) { return crossing.at(at); };
+    const auto locate = [&](const cutting::Vector3d& at, std::uint32_t piece) { return crossing.at(at, piece); };
     if (is_slit && closes) cutting::endSlit(surface, sides.plane, double(settings.spacing), locate);
     const std::vector<cutting::Hung> nodes = crossing.hang(surface);
     cutting::Section section;
-    if (closes) section = cutting::closeSection(surface, sides.plane, double(settings.spacing), locate);
+    if (closes) {
+      section = cutting::closeSection(surface, piecesOf(package, nodes), sides.plane, double(settings.spacing), locate);
+    }
     watch.lap(result.times.section);
     const cutting::Partition partition =
         is_slit ? cutting::openSlit(package, surface, section, nodes, double(settings.least_part), sides)

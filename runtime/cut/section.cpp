@@ -23,13 +23,15 @@ constexpr std::size_t kMostGaps = 1000;
 
 struct Loop {
   std::vector<std::uint32_t> nodes;
+  std::uint32_t piece = 0;
   double area = 0;  // m^2, positive where it turns counter-clockwise
 };
 
 class Closing {
  public:
-  Closing(const Surface& surface, const PlaneFrame& plane, double spacing, const Locate& locate)
-      : surface_(surface), plane_(plane), locate_(locate) {
+  Closing(const Surface& surface, std::span<const std::uint32_t> piece_of, const PlaneFrame& plane, double spacing,
+          const Locate& locate)
+      : surface_(surface), piece_of_(piece_of), plane_(plane), locate_(locate) {
     place();
     spacing_ = spacing > 0 ? spacing : meanEdge();
     most_interior_ = spacing > 0 ? kMostInterior : kEnoughInterior;
@@ -115,7 +117,8 @@ class Closing {
     }
   }
 
-  /// Ways over gaps of the surface: from each node where the rim ends to one where it begins, the nearest first.
+  /// Ways over gaps of the surface: from each node where the rim ends to one of its piece where it begins, the nearest
+  /// first.
   std::vector<std::array<std::uint32_t, 2>> bridges() const {
     std::vector<int> surplus(surface_.nodes.size(), 0);  // leaving edges less coming ones
     for (const auto& [u, v] : surface_.rim) ++surplus[u], --surplus[v];
@@ -133,6 +136,7 @@ class Closing {
     std::vector<Gap> gaps;
     for (std::uint32_t e = 0; e < ends.size(); ++e) {
       for (std::uint32_t s = 0; s < starts.size(); ++s) {
+        if (piece_of_[ends[e]] != piece_of_[starts[s]]) continue;
         gaps.push_back({(flat_[ends[e]] - flat_[starts[s]]).squaredNorm(), e, s});
       }
     }
@@ -182,6 +186,7 @@ class Closing {
 
   void addLoop(Loop loop) {
     if (!takeOpen(loop) || loop.nodes.size() < 3) return;
+    loop.piece = piece_of_[loop.nodes[0]];
     const Eigen::Vector2d origin = flat_[loop.nodes[0]];
     for (std::size_t i = 0; i < loop.nodes.size(); ++i) {
       const Eigen::Vector2d a = flat_[loop.nodes[i]] - origin,
@@ -212,7 +217,7 @@ class Closing {
     return 2 * in > asked;
   }
 
-  /// Each hole belongs to the smallest loop around it.
+  /// Each hole belongs to the smallest loop of its piece around it.
   void group() {
     std::vector<std::vector<std::size_t>> holes(loops_.size());
     std::vector<char> alone(loops_.size(), 0);
@@ -220,7 +225,8 @@ class Closing {
       if (loops_[h].area >= 0) continue;
       std::size_t best = loops_.size();
       for (std::size_t o = 0; o < loops_.size(); ++o) {
-        if (!(loops_[o].area > -loops_[h].area) || (best < loops_.size() && loops_[o].area >= loops_[best].area))
+        if (loops_[o].piece != loops_[h].piece || !(loops_[o].area > -loops_[h].area) ||
+            (best < loops_.size() && loops_[o].area >= loops_[best].area))
           continue;
         if (isAround(loops_[o], loops_[h])) best = o;
       }
@@ -244,6 +250,7 @@ class Closing {
     Polygon polygon;
     polygon.nodes = loops_[l].nodes;
     polygon.area = std::abs(loops_[l].area);
+    polygon.piece = loops_[l].piece;
     polygon.plain = false;
     std::vector<GridPoint> points;
     std::vector<std::uint32_t> order;
@@ -258,6 +265,7 @@ class Closing {
   void addPolygon(std::size_t outer, const std::vector<std::size_t>& holes) {
     Polygon polygon;
     polygon.area = loops_[outer].area;
+    polygon.piece = loops_[outer].piece;
     std::vector<std::size_t> all = {outer};
     all.insert(all.end(), holes.begin(), holes.end());
     std::vector<GridPoint> points;    // of the triangulation
@@ -363,7 +371,7 @@ class Closing {
           const Vector3d &from = surface_.nodes[polygon.nodes[u]].at, &to = surface_.nodes[polygon.nodes[v]].at;
           // The middle, or else what of the edge lies in a tetrahedron: a bent surface may leave them.
           for (const double share : {0.5, 0.25, 0.75, 0.06, 0.94}) {
-            const std::optional<Interior> middle = locate_(from + share * (to - from));
+            const std::optional<Interior> middle = locate_(from + share * (to - from), polygon.piece);
             if (!middle) continue;
             found->second = std::uint32_t(polygon.nodes.size() + polygon.interior.size());
             polygon.interior.push_back(*middle);
@@ -439,7 +447,7 @@ class Closing {
       const double t = std::clamp((p - a).dot(along) / std::max(1e-300, along.squaredNorm()), 0.0, 1.0);
       if ((p - a - t * along).squaredNorm() < reach * reach) return;
     }
-    const std::optional<Interior> found = locate_(plane_.lifted(p));
+    const std::optional<Interior> found = locate_(plane_.lifted(p), polygon.piece);
     if (!found) return;
     name.push_back(std::uint32_t(polygon.nodes.size() + polygon.interior.size()));
     polygon.interior.push_back(*found);
@@ -447,6 +455,7 @@ class Closing {
   }
 
   const Surface& surface_;
+  std::span<const std::uint32_t> piece_of_;  // of nodes
   const PlaneFrame& plane_;
   const Locate& locate_;
   std::vector<Eigen::Vector2d> flat_;  // of nodes: places in the plane, m
@@ -461,8 +470,9 @@ class Closing {
 
 }  // namespace
 
-Section closeSection(const Surface& surface, const PlaneFrame& plane, double spacing, const Locate& locate) {
-  return Closing(surface, plane, spacing, locate).take();
+Section closeSection(const Surface& surface, std::span<const std::uint32_t> piece_of, const PlaneFrame& plane,
+                     double spacing, const Locate& locate) {
+  return Closing(surface, piece_of, plane, spacing, locate).take();
 }
 
 }  // namespace sinew::cutting

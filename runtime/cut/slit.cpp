@@ -257,7 +257,7 @@ class End {
   }
 
   std::uint32_t addNode(double at) {
-    const std::optional<Interior> found = locate_(plane_.lifted(placeAt(at)));
+    const std::optional<Interior> found = locate_(plane_.lifted(placeAt(at)), formats::kNone);
     if (!found) return formats::kNone;
     Node made;
     made.a = made.b = formats::kNone;
