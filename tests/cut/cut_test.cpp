@@ -9,6 +9,7 @@
 #include "sinew/runtime/world.h"
 #include "tests/cut/cut_checks.h"
 #include "tests/support/box_package.h"
+#include "tests/support/sample_package.h"
 
 namespace sinew::test {
 namespace {
@@ -116,6 +117,40 @@ TEST(Cut, DegeneratePlanesAreRightOrRefused) {
         CutPlane{{0.5F, 0.5F, 0}, {1, 1, 0}}, CutPlane{{0, 3, 0}, {0, 1, 0}}, CutPlane{{0, 0.49999F, 0}, {0, 1, 0}}}) {
     EXPECT_NE(refusalOf(*asset, plane), "");
   }
+}
+
+// Pieces that a game has pushed into one another: nothing of one hangs on the other.
+TEST(Cut, PiecesThatLieInOneAnotherHaveSectionsOfTheirOwn) {
+  formats::PackageContent content = repeated(boxContent({.cells = {5, 5, 5}, .size = {1, 1, 1}, .keep = {}}), 2);
+  for (std::size_t i = content.physical_vertices.size() / 2; i < content.physical_vertices.size(); ++i) {
+    content.physical_vertices[i].rest_position[0] += 3;
+  }
+  for (std::size_t i = content.visual_positions.size() / 2; i < content.visual_positions.size(); ++i) {
+    content.visual_positions[i][0] += 3;
+  }
+  for (std::size_t i = content.clusters.size() / 2; i < content.clusters.size(); ++i) {
+    content.clusters[i].rest_center[0] += 3;
+  }
+  content.info.bounds_max[0] += 3;
+  content.info.diagonal = std::hypot(4.0F, std::hypot(1.0F, 1.0F));
+  content.info.physical_volume *= 2;
+  content.info.source_volume *= 2;
+  const auto asset = makeAsset(content);
+  const formats::PackageView& package = asset->package();
+  ASSERT_EQ(package.pieces().size(), 2U);
+  const formats::PieceRange &one = package.pieces()[0], &two = package.pieces()[1];
+  std::vector<Vec3> positions(package.physicalVertices().size());
+  for (std::uint32_t v = 0; v < one.vertex_count; ++v) {
+    const Vec3& rest = package.physicalVertices()[one.first_vertex + v].rest_position;
+    positions[one.first_vertex + v] = rest;
+    positions[two.first_vertex + v] = {rest[0] + 0.33F, rest[1] + 0.07F, rest[2] + 0.21F};
+  }
+  const auto cut = cutAsset(*asset, positions, {{0, 0.13F, 0}, {0.1F, 1, 0}});
+  ASSERT_TRUE(cut) << cut.reason();
+  ASSERT_EQ(cut->parts.size(), 4U);
+  CutErrors errors;
+  EXPECT_EQ(faultOfCut(*asset, *cut, errors, 4), "");
+  EXPECT_EQ(cut->rough_loops, 0U);
 }
 
 TEST(Cut, WhatIsNoNumberIsRefused) {
