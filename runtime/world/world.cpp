@@ -485,9 +485,11 @@ std::uint32_t World::advance(float seconds) {
   return impl_->guarded("advance", 0U, [&] {
     impl_->keepDrawn();
     impl_->forgetTouches();
-    for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, 1.0 / (steps - i));
-    if (steps > 0) impl_->forgetForces();
     impl_->left_over = std::max(0.0, time - whole * h);
+    // Targets are for the end of the call: the last step stops before them by what is left over.
+    const double lasting = steps * h + impl_->left_over;
+    for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, std::min(1.0, h / (lasting - i * h)));
+    if (steps > 0) impl_->forgetForces();
     impl_->shown = impl_->left_over / h;
     return steps;
   });

@@ -174,9 +174,9 @@ TEST(Advance, PinSetsMoveEvenlyAndAreDrawnSo) {
     world.movePinSet(set, to);
     world.advance(frame);
     const float now = drawn(world, body)[held][1] - start[held][1];
-    // The frames' targets are reached by two or three inner steps: speeds of 0.83 and 1.25 times the mean.
+    // Targets are for the ends of frames: inner steps, two or three a frame, stop on the way.
     if (i > 1) {
-      EXPECT_NEAR(now - last, speed * frame, 0.3F * speed * frame) << i;
+      EXPECT_NEAR(now - last, speed * frame, 0.01F * speed * frame) << i;
     }
     last = now;
   }

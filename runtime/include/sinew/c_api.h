@@ -253,7 +253,8 @@ SINEW_API sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body);
 SINEW_API sinew_status sinew_body_pin_set(sinew_world* world, uint32_t body, const uint32_t* vertices, uint32_t count,
                                           const float position[3], const float rotation[9], uint32_t method,
                                           uint32_t* pin_set);
-/* Moves the transform: reached at the end of the next step. */
+/* Moves the transform: reached at the end of the next step, or of the time of the next call of sinew_world_advance(),
+   whose last step stops before it by what is left over. */
 SINEW_API sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const float position[3],
                                           const float rotation[9]);
 SINEW_API sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set);
@@ -391,7 +392,7 @@ SINEW_API void sinew_collider_settings_init(sinew_collider_settings* settings, s
 /* settings may be null. */
 SINEW_API sinew_status sinew_collider_add(sinew_world* world, const sinew_shape* shape,
                                           const sinew_collider_settings* settings, uint32_t* collider);
-/* Reached at the end of the next step, so that its speed is known. What jumps is removed and added. */
+/* Reached as sinew_pin_set_move() says, so that its speed is known. What jumps is removed and added. */
 SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const float position[3],
                                            const float rotation[9]);
 /* Where it is after the last step. */

@@ -240,8 +240,8 @@ class SINEW_API World {
   /// is now. \return an error that says which argument is wrong.
   Result<PinSetId> addPinSet(BodyId body, std::span<const std::uint32_t> vertices, const RigidTransform& at = {},
                              PinMethod method = PinMethod::constrained_fit);
-  /// Moves the transform: reached at the end of the next step, or call of advance() that takes one. Ignored where it is
-  /// not finite or not a proper rotation.
+  /// Moves the transform: reached at the end of the next step, or of the time of the next call of advance(), whose last
+  /// step stops before it by what is left over. Ignored where it is not finite or not a proper rotation.
   void movePinSet(PinSetId set, const RigidTransform& to);
   void removePinSet(PinSetId set);
   /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
@@ -263,8 +263,8 @@ class SINEW_API World {
 
   /// Adds what bodies collide with (docs/runtime.md). \return an error that says which argument is wrong.
   Result<ColliderId> addCollider(const ColliderShape& shape, const ColliderSettings& settings = {});
-  /// Moves it: reached at the end of the next step, or call of advance() that takes one, so that its speed is known and
-  /// takes bodies along. For a jump, remove and add it. Ignored where `to` is not finite or not a proper rotation.
+  /// Moves it, as movePinSet(), so that its speed is known and takes bodies along. For a jump, remove and add it.
+  /// Ignored where `to` is not finite or not a proper rotation.
   void moveCollider(ColliderId collider, const RigidTransform& to);
   /// Where it is after the last step: not where it was told to go where it follows slowly or gives way.
   RigidTransform colliderPose(ColliderId collider) const;
