@@ -41,8 +41,8 @@ struct Section {
 };
 
 /// Joins the rim to loops, over gaps where these are short, and the loops, by containment, to polygons with holes;
-/// islands in holes are polygons of their own. \param spacing of points inside, m; 0: the mean length of the
-/// rim's edges, or more where the section is large. Infinite: none.
+/// islands in holes are polygons of their own; all of them within a piece. \param piece_of nodes. \param spacing of
+/// points inside, m; 0: the mean length of the rim's edges, or more where the section is large. Infinite: none.
 Section closeSection(const Surface& surface, std::span<const std::uint32_t> piece_of, const PlaneFrame& plane,
                      double spacing, const Locate& locate);
 
