@@ -27,7 +27,7 @@ using Eigen::MatrixX3d;
 // Modes by function; each gives three scalar ones.
 constexpr double kModesByFunction = 0.4;
 // Weight of answers to loads at places, against modes as answers to loads of that size.
-constexpr double kPlaceWeight = 2;
+constexpr double kPlaceWeight = 5;
 // Edges' patches touch twice as many vertices as tetrahedra: from so many on, the factor takes too long.
 constexpr std::size_t kMostForEdges = 10000;
 // Weight of answers to known loads and of what pin sets' motions leave, against modes: these are surely asked for.
