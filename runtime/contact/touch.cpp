@@ -18,7 +18,8 @@ using Eigen::Vector3f;
 /// Rounds in which a place's material point is found, and how near, diagonals.
 constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
-/// Looks along a point's way in a step.
+/// Looks along a point's way in a step, so that work is bounded at any speed. Half a grid cell each, as where less is
+/// not seen: up to 128 cells a step, four lengths of a piece of 32 cells, there are as many as that takes.
 constexpr float kMostTraced = 256;
 /// Functions of a field at most (FieldRange::function_count).
 constexpr std::size_t kMostFunctions = 1024;

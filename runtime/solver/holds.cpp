@@ -357,14 +357,22 @@ std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& wa
   return picks;
 }
 
-float windowOfPicks(const Body& body, const Piece& piece, std::uint32_t vertex) {
-  const Field& field = piece.field();
-  const double reach = double(body.package().info().diagonal) / std::cbrt(double(field.k));
+PickWindow::PickWindow(const Body& body, const Piece& piece) : body_(body), field_(piece.field()) {
+  Vector3d sum = Vector3d::Zero();
+  double squared = 0;
+  for (std::uint32_t j = field_.driven; j < field_.k; ++j) {
+    const Vector3d rest = asVector(field_.functions[j].rest).cast<double>();
+    sum += double(field_.functions[j].one) * rest;
+    squared += rest.squaredNorm();
+  }
+  reach2_ = 12 * (squared / field_.mass - (sum / field_.mass).squaredNorm()) / std::pow(double(field_.k), 2.0 / 3);
+}
+
+float PickWindow::operator()(std::uint32_t vertex) const {
   double most = 0;
-  for (const Pick& pick : body.picks) {
-    if (!isIn(field, pick.point.vertex[0])) continue;
-    const double far2 = (restOf(body, vertex) - restOf(body, pick.point)).squaredNorm() / (reach * reach);
-    most = std::max(most, 1 - far2);
+  for (const Pick& pick : body_.picks) {
+    if (!isIn(field_, pick.point.vertex[0])) continue;
+    most = std::max(most, 1 - (restOf(body_, vertex) - restOf(body_, pick.point)).squaredNorm() / reach2_);
   }
   return float(most * most);
 }

@@ -121,13 +121,24 @@ double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row);
 /// Amplitudes of the residual modes: P^T S b, pulling back. \param[out] amplitudes r
 void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes);
 /// Moves the part of the amplitudes that picks have. Modes cut off at the last ring all over the piece where a point is
-/// pulled; what is given way to a pick is drawn near it alone, by windowOfPicks().
+/// pulled; what is given way to a pick is drawn near it alone, by PickWindow.
 /// \pre the amplitudes are of these ways. \param[out] of_picks as many. \return how many picks there are
 std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
                         Array<float>& of_picks);
-/// 1 at the piece's picked points, 0 from R = diagonal / k^(1/3) on, about a wave of the functions: (1 - d^2 / R^2)^2
-/// of the distance d at rest to the nearest.
-float windowOfPicks(const Body& body, const Piece& piece, std::uint32_t vertex);
+/// 1 at the piece's picked points, 0 from R = D / k^(1/3) on, about a wave of the functions: (1 - d^2 / R^2)^2 of the
+/// distance d at rest to the nearest. D is the diagonal of a box as spread out as the piece: D^2 / 12 is the mean
+/// square of the distance from its centre.
+class PickWindow {
+ public:
+  PickWindow(const Body& body, const Piece& piece);
+  /// \param vertex its number in the body
+  float operator()(std::uint32_t vertex) const;
+
+ private:
+  const Body& body_;
+  const Field& field_;
+  double reach2_ = 0;  // R^2
+};
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "runtime/geometry/rotation.h"
 
@@ -32,9 +33,6 @@ Matrix3 gradientAt(const Field& field, const float* local, std::size_t pack, std
   }
   return f;
 }
-
-/// Less than this of an entry of S is its rounding: at its limit a shape would flow for ever.
-constexpr float kShapeRounding = 5e-7F;
 
 /// S after a step. \param f F.
 Matrix3 flowed(const formats::ClusterMechanics& mechanics, const Matrix3& f, const Matrix3& shape, double seconds) {
@@ -78,7 +76,8 @@ bool flow(const formats::PackageView& package, const Field& field, const float* 
       if (cluster == formats::kNone || !(package.mechanics()[cluster].plastic_creep > 0)) continue;
       const Matrix3 shape = shapeAt(plastic, pack, lane);
       const Matrix3 next = flowed(package.mechanics()[cluster], gradientAt(field, local, pack, lane), shape, seconds);
-      if (!((next - shape).cwiseAbs().maxCoeff() > kShapeRounding)) continue;
+      // Of a shape at its limit rounding is left, by which it would flow for ever.
+      if (!((next - shape).norm() > 4 * std::numeric_limits<float>::epsilon() * shape.norm())) continue;
       setShape(plastic, pack, lane, next);
       changed = true;
     }

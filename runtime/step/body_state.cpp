@@ -91,8 +91,7 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
     giveWay(field, body.amplitudes, place.turned, body.field_values, x, [](std::uint32_t) { return 1.0F; });
   }
   if (picks > 0) {
-    giveWay(field, body.pick_amplitudes, place.turned, body.field_values, x,
-            [&](std::uint32_t v) { return windowOfPicks(body, piece, v); });
+    giveWay(field, body.pick_amplitudes, place.turned, body.field_values, x, PickWindow(body, piece));
   }
 }
 

@@ -351,8 +351,7 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
               asVector(translation).cast<double>());
 }
 
-void World::Impl::move(Body& moved_body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t) {
-  Body* const body = &moved_body;
+void World::Impl::move(Body& body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t) {
   const auto rotate = [&](float* p, std::ptrdiff_t stride) {
     const Eigen::Vector3d turned = r * Eigen::Vector3d(double(p[0]), double(p[stride]), double(p[2 * stride]));
     for (int k = 0; k < 3; ++k) p[k * stride] = float(turned[k]);
@@ -361,11 +360,11 @@ void World::Impl::move(Body& moved_body, const Eigen::Matrix3d& r, const Eigen::
     const Eigen::Vector3d moved = r * Eigen::Vector3d(double(p[0]), double(p[1]), double(p[2])) + t;
     for (int k = 0; k < 3; ++k) p[k] = float(moved[k]);
   };
-  for (internal::Pin& pin : body->pins) {
+  for (internal::Pin& pin : body.pins) {
     for (Vec3* place : {&pin.before, &pin.at, &pin.target}) move(place->data());
   }
-  for (internal::Pick& pick : body->picks) move(pick.target.data());
-  for (internal::PinSet& set : body->pin_sets) {
+  for (internal::Pick& pick : body.picks) move(pick.target.data());
+  for (internal::PinSet& set : body.pin_sets) {
     for (RigidTransform* transform : {&set.before, &set.at, &set.target}) {
       move(transform->position.data());
       for (std::size_t column = 0; column < 3; ++column) rotate(&transform->rotation[column], 3);
@@ -373,9 +372,9 @@ void World::Impl::move(Body& moved_body, const Eigen::Matrix3d& r, const Eigen::
     set.force_sum = r * set.force_sum;
     set.torque_sum = r * set.torque_sum;
   }
-  body->solver->move(r, t);
-  for (Vec3& previous : body->history.positions) move(previous.data());
-  for (internal::ClusterColumns& columns : body->history.columns) {
+  body.solver->move(r, t);
+  for (Vec3& previous : body.history.positions) move(previous.data());
+  for (internal::ClusterColumns& columns : body.history.columns) {
     move(columns.column[0]);
     for (std::size_t k = 1; k < 10; ++k) rotate(columns.column[k], 1);
   }

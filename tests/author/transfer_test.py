@@ -665,6 +665,7 @@ class Others(Folder):
             {"name": "head", "from": {"sphere": [0, 0.55, -0.6], "radius": 0.35, "falloff": 0.1}},
             {"name": "rest", "from": {"rest": True}, "overlap": 0.1}]}, self.write("thin.obj", thin.obj()))
         self.assertFalse(found["head"]["stored"])
+        self.assertAlmostEqual(found["head"]["new_area"] / found["head"]["old_area"], 1, 1)  # of the scale of the new one
         carried = json.loads((self.path / "carried.json").read_text())["clusters"]
         self.assertAlmostEqual(carried[0]["from"]["radius"], 1.05, 3)
         self.assertAlmostEqual(carried[1]["settings"]["overlap"], 0.3, 3)

@@ -124,6 +124,7 @@ TEST(Settings, ValuesArriveWhereTheToolsReadThem) {
 }
 
 TEST(Settings, WrongValuesAreRefusedWithTheLegalOnes) {
+  EXPECT_NE(errorOf("vertices=900").find("tetrahedra.vertices"), std::string::npos);
   EXPECT_NE(errorOf("tetrahedra.method=voxels").find("auto | grid | stuffing | delaunay"), std::string::npos);
   EXPECT_NE(errorOf("clusters.overlap=-1").find("auto | 0 .. "), std::string::npos);
   EXPECT_NE(errorOf("clusters.overlap=nan"), "");

@@ -156,13 +156,12 @@ const Settings::Declaration& declarationOf(std::span<const Settings::Declaration
                     "Set it in a recipe: sinew author RECIPE set clusters.material=NAME, or CLUSTER.material=NAME.");
   }
   std::vector<std::string> keys;
-  for (const Settings::Declaration& d : all) {
-    if (d.key.ends_with("." + std::string(key))) keys.assign(1, std::string(d.key));
-    if (keys.size() == 1 && keys[0].ends_with("." + std::string(key))) break;
-    keys.emplace_back(d.key);
-  }
+  for (const Settings::Declaration& d : all) keys.emplace_back(d.key);
+  const auto last_part = std::find_if(
+      keys.begin(), keys.end(), [end = "." + std::string(key)](const std::string& k) { return k.ends_with(end); });
   throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
-                  "Did you mean " + nearestName(key, keys) + "? All settings: sinew help settings.");
+                  "Did you mean " + (last_part != keys.end() ? *last_part : nearestName(key, keys)) +
+                      "? All settings: sinew help settings.");
 }
 
 nlohmann::ordered_json settingJson(const Settings& settings, const Settings::Declaration& d) {
@@ -284,9 +283,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.per_step_beta", "", "Of per_step: part of a deformation that a step of 1/60 s keeps; 0 is rigid.",
        Number{&s.clusters.per_step_beta, 0, 1}},
       {"clusters.young", "Pa",
-       "Of elastic: Young's modulus; fat 1e4, muscle 1e5, rubber 1e6. What is taller than E over density times gravity "
-       "(a "
-       "metre at 1e4) cannot carry itself.",
+       "Of elastic: Young's modulus; fat 1e4, muscle 1e5, rubber 1e6. What is taller than E over density times "
+       "gravity (a metre at 1e4) cannot carry itself.",
        Number{&s.clusters.young, 0, 1e12}},
       {"clusters.poisson", "", "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched.",
        Number{&s.clusters.poisson, 0, 0.499}},
