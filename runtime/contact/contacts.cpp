@@ -120,7 +120,7 @@ class Search {
                                   (bounds.max() - center_).cast<float>().array() + float(margin_));
     for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
       const Eigen::Vector3f now = placeOf(p, false), before = placeOf(p, true);
-      const TouchingPoint* const touched = touchedBefore(piece_, collider.id, p);
+      const TouchingPoint* const touched = internal::touchedBefore(piece_, collider.id, p);
       // A touching point may be pressed through a thin shape.
       if (touched == nullptr && !box.intersects(Eigen::AlignedBox3f(now.cwiseMin(before), now.cwiseMax(before)))) {
         continue;
@@ -212,21 +212,22 @@ class Search {
       return taken;
     };
     std::size_t share = 0;
-    for (std::size_t step = std::bit_floor(std::size_t{kMostContacts}); step > 0; step /= 2) {
-      if (takenBy(share + step) <= kMostContacts) share += step;
+    for (std::size_t step = std::bit_floor(std::size_t{kMostCarrying}); step > 0; step /= 2) {
+      if (takenBy(share + step) <= kMostCarrying) share += step;
     }
-    std::size_t left = kMostContacts - takenBy(share);
+    std::size_t left = kMostCarrying - takenBy(share);
     forEachCollider([&](std::span<const Candidate> of_one) {
       std::size_t count = std::min(of_one.size(), share);
       if (count < of_one.size() && left > 0) ++count, --left;
       const auto before = std::size_t(std::count_if(of_one.begin(), of_one.end(),
                                                     [](const Candidate& candidate) { return candidate.near_before; }));
       std::size_t first = std::min(before, count), others = count - first;
+      std::size_t more = count * (kMostContacts - kMostCarrying) / kMostCarrying;
       for (const Candidate& candidate : of_one) {
-        std::size_t& allowed = candidate.near_before ? first : others;
+        std::size_t& allowed = !candidate.near_before ? others : first > 0 ? first : more;
         if (allowed == 0) continue;
         --allowed;
-        add(candidate);
+        if (&allowed != &more || touchedBefore(candidate) != nullptr) add(candidate);
       }
     });
     for (std::size_t i = 0; i < scratch_.contacts.size(); ++i) {
@@ -239,9 +240,13 @@ class Search {
     for (Contact& contact : scratch_.contacts) contact.firm = contact.kappa;
   }
 
+  const TouchingPoint* touchedBefore(const Candidate& candidate) const {
+    return internal::touchedBefore(piece_, step_.colliders[candidate.collider]->id, candidate.point);
+  }
+
   void add(const Candidate& candidate) {
     const Collider& collider = *step_.colliders[candidate.collider];
-    const TouchingPoint* const touched = touchedBefore(piece_, collider.id, candidate.point);
+    const TouchingPoint* const touched = touchedBefore(candidate);
     const Vector3d at = positionOf(field_, candidate.point, y_, center_);
     const Vector3d before = collider.pose_before.toLocal(positionOf(field_, candidate.point, piece_.z(), center_));
     const Vector3d local = collider.pose.toLocal(at), normal = collider.pose.rotation * candidate.normal;

@@ -11,9 +11,10 @@
 
 namespace sinew::internal {
 
-/// Contact points that one piece keeps at most; of more that touch, the first in the package's order, which spreads
-/// them over the surface, carry for all.
-inline constexpr std::uint32_t kMostContacts = 96;
+/// Contact points that one piece begins to carry with at most; of more that touch, the first in the package's order,
+/// which spreads them over the surface, carry for all. One that carries goes on while fewer than kMostContacts come
+/// before it: else those that sway at the edge of touching would exchange the last ones in each step.
+inline constexpr std::uint32_t kMostCarrying = 96, kMostContacts = 128;
 
 /// A step as contacts see it.
 struct ContactStep {

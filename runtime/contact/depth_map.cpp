@@ -13,6 +13,11 @@ namespace {
 using Eigen::Matrix3f;
 using Eigen::Vector3f;
 
+/// Places of the surface that are looked at for its bulge.
+constexpr std::size_t kBulges = 512;
+/// A contact point stands for a place that is nearer than this times the root of its area.
+constexpr float kStandsFor = 2;
+
 /// Cells along the longest side, so that one has about as many tetrahedra as a tetrahedron has neighbours.
 std::uint32_t cellsAlong(std::size_t tetrahedra) {
   return std::uint32_t(std::clamp(std::cbrt(double(tetrahedra)), 2.0, 32.0));
@@ -30,10 +35,11 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
       package.distanceValues().subspan(grid.first_value, std::size_t(grid.nodes[0]) * grid.nodes[1] * grid.nodes[2]);
   for (const formats::Field& field : package.fields()) {
     if (field.piece != grid.piece) continue;
-    if (first_point_ == nullptr) first_point_ = package.fieldPoints().data() + field.first_point;
-    for (const formats::FieldPoint& point : package.fieldPoints().subspan(field.first_point, field.point_count)) {
-      point_normals_.push_back(outward(asVector(point.at)));
-    }
+    const auto points = package.fieldPoints().subspan(field.first_point, field.point_count);
+    for (const formats::FieldPoint& point : points) point_normals_.push_back(outward(asVector(point.at)));
+    if (first_point_ != nullptr) continue;
+    first_point_ = points.data();
+    findBulge(points);
   }
   const formats::PieceRange& body = package.pieces()[grid.piece];
   const auto tetrahedra = package.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count);
@@ -86,6 +92,27 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
     Matrix3f sides;
     for (std::size_t c = 0; c < 3; ++c) sides.col(Eigen::Index(c)) = cornerOf(package, tetrahedra[i], c) - last;
     frames_[i] = {sides.inverse(), last};
+  }
+}
+
+void DepthMap::findBulge(std::span<const formats::FieldPoint> points) {
+  // Nodes within a cell of the surface, and from each to it.
+  const float reach = grid_->spacing / grid_->unit;
+  const auto isNear = [&](std::int16_t value) { return std::abs(float(value)) < reach; };
+  const auto near = std::size_t(std::count_if(values_.begin(), values_.end(), isNear)), every = near / kBulges + 1;
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < values_.size(); ++i) {
+    if (!isNear(values_[i]) || seen++ % every != 0) continue;
+    const std::size_t row = i / grid_->nodes[0], layer = row / grid_->nodes[1];
+    const Vector3f at(float(i % grid_->nodes[0]), float(row % grid_->nodes[1]), float(layer));
+    const Vector3f node = asVector(grid_->origin) + grid_->spacing * at, normal = outward(node);
+    const Vector3f place = node - grid_->unit * float(values_[i]) * normal;
+    float highest = -1e30F;
+    for (const formats::FieldPoint& point : points) {
+      const Vector3f way = asVector(point.at) - place;
+      if (way.squaredNorm() < kStandsFor * kStandsFor * point.area) highest = std::max(highest, normal.dot(way));
+    }
+    if (highest < 0 && highest > -1e30F) bulge_ = std::max(bulge_, -highest);
   }
 }
 

@@ -40,6 +40,9 @@ class DepthMap {
   /// of a place near by is looked at first. \return false where none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
+  /// How far the surface at rest bulges beyond the contact points around each of its places, metres: a box around the
+  /// points has to grow by so much to hold it.
+  float bulge() const { return bulge_; }
   std::uint32_t piece() const { return grid_->piece; }
   /// Thinner parts may not be seen, metres.
   float spacing() const { return grid_->spacing; }
@@ -57,6 +60,7 @@ class DepthMap {
     return float(values_[x + grid_->nodes[0] * (y + std::size_t(grid_->nodes[1]) * z)]);
   }
   std::uint32_t cellOf(const Eigen::Vector3f& place) const;
+  void findBulge(std::span<const formats::FieldPoint> points);
 
   const formats::PackageView* package_ = nullptr;
   const formats::DistanceGrid* grid_ = nullptr;
@@ -69,6 +73,7 @@ class DepthMap {
   std::uint32_t first_tetrahedron_ = 0;
   const formats::FieldPoint* first_point_ = nullptr;  ///< of the free field; the held one's follow
   Array<Eigen::Vector3f> point_normals_;
+  float bulge_ = 0;
   struct Frame {
     Eigen::Matrix3f inverse;  ///< of the sides from the last corner
     Eigen::Vector3f last;

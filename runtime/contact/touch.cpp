@@ -164,8 +164,8 @@ class TouchSearch {
         apart_((a.center - b.center).cast<float>()),
         travel_(b.center_before - a.center_before),
         is_fast_(&a != &b && travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
-        low_(b.low.array() - margin_),
-        high_(b.high.array() + margin_) {}
+        low_(b.low.array() - (b.map->bulge() + margin_)),
+        high_(b.high.array() + (b.map->bulge() + margin_)) {}
 
   /// Anywhere on the way.
   bool areNear() const {
@@ -218,10 +218,14 @@ class TouchSearch {
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
-    bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
-    if (!near && last != nullptr) {
-      near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
-    }
+    // Bent parts of b may overlap where the rigid motion leads: what is known is looked for where it was.
+    const auto isStill = [&] {
+      place = Eigen::Map<const Vector3f>(last->anchor.data());
+      return findsPlaceFrom(at, place) && isUnderSurface(place, distance, outward);
+    };
+    const bool near = entered || (last != nullptr && isStill()) ||
+                      isNear(at, b_.base, Vector3f::Zero(), place, distance, outward) ||
+                      (last != nullptr && isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward));
     if (near) add(key, last, entered, at, place, distance, outward);
   }
 
@@ -251,16 +255,18 @@ class TouchSearch {
     return q != formats::kNone && found(asVector(a_.field->points[q].at));
   }
 
-  /// Newton's method, whose steps end where the tetrahedron no longer changes.
+  /// Newton's method, whose steps end where the tetrahedron no longer changes. Of another piece the rigid motion's
+  /// inverse, which is mostly enough, makes the first one.
   bool findsPlaceFrom(const Vector3f& at, Vector3f& place) {
     MaterialPoint material;
     for (int round = 0; round < 2 * kRounds; ++round) {
       if (!b_.map->locate(place, material)) return false;
       const Vector3f left_over = leftOver(at, b_.base, material);
-      Matrix3f back;
-      if (!takesBack(material, back)) return false;
+      const bool small = isSmall(left_over);
+      Matrix3f back = b_.turn.transpose();
+      if ((isItself() || (round > 0 && !small)) && !takesBack(material, back)) return false;
       place += back * left_over;
-      if (isSmall(left_over)) return true;
+      if (small) return true;
     }
     return false;
   }
@@ -374,9 +380,7 @@ class TouchSearch {
   /// that is there, and how far it is from the surface. \param[out] outward unit.
   bool isNear(const Vector3f& at, const float* base, const Vector3f& center, Vector3f& place, float& distance,
               Vector3f& outward) {
-    const Vector3f arm = at - center;
-    if ((arm.array() > high_.array()).any() || (arm.array() < low_.array()).any()) return false;
-    place = b_.turn.transpose() * arm + b_.rest_center;
+    place = b_.turn.transpose() * (at - center) + b_.rest_center;
     if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
     MaterialPoint material;
     for (int round = 0; round < kRounds; ++round) {
@@ -506,8 +510,12 @@ class TouchSearch {
                      Vector3f& left_at, Vector3f& facing) const {
     Vector3f from = place;
     if (distance > 0) from -= (distance + float(kNear * b_.diagonal)) * (outward - outward.dot(way) * way);
-    return leave(*b_.map, from, way, b_.diagonal, left_at, facing) &&
-           (left_at - place).norm() <= std::abs(distance) + margin_;
+    if (!leave(*b_.map, from, way, b_.diagonal, left_at, facing)) return false;
+    const float length = (left_at - place).norm();
+    if (length <= std::abs(distance) + margin_) return true;
+    // Near edges distances between nodes are shorter than any way.
+    Vector3f nearest, there;
+    return leave(*b_.map, place, outward, b_.diagonal, nearest, there) && length <= (nearest - place).norm() + margin_;
   }
 
  private:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -28,6 +29,13 @@ struct RestConstants {
   Array<float> fibre_matrices;       ///< FibreStiffness::matrix
   Array<Field> fields;               ///< in which pieces move
   OwningArray<DepthMap> depths;      ///< of the pieces that have one, in their order
+
+  /// Those of a piece, or null.
+  const DepthMap* depthsOf(std::uint32_t piece) const {
+    const auto has = [piece](const DepthMap& map) { return map.piece() == piece; };
+    const auto* const found = std::find_if(depths.begin(), depths.end(), has);
+    return found != depths.end() ? found : nullptr;
+  }
 };
 
 /// One pass over the memberships, sums in double.

@@ -406,6 +406,13 @@ double Objective::fallen2(const float* gradient) const {
   return h * h * h * h * pull.squaredNorm() / mass;
 }
 
+double Objective::size2() const { return dot(scratch->base.data(), scratch->base.data(), 4 * field->k); }
+
+double Objective::settled2(double way2) const {
+  const double moves = kRounding * std::min(1.0, h * h * roughStiffness());
+  return kSettled * kSettled * way2 + moves * moves * size2();
+}
+
 double Objective::roughStiffness() const {
   const double omega = 2 * M_PI * double(field->lowest_hz);
   return kRough * double(stiffness) * omega * omega;
@@ -502,13 +509,28 @@ double Minimand::heldByContacts(const float* direction) const {
   return held;
 }
 
-double Minimand::fallen2(const float* gradient) const {
+double Minimand::unsettled2(const float* direction, const float* d) const {
+  const auto of = [&](std::uint32_t i) {
+    const std::uint32_t count = 4 * pieces[i]->field->k;
+    const float *const way = direction + first[i], *const done = d + first[i];
+    return dot(way, way, count) / pieces[i]->settled2(dot(done, done, count));
+  };
+  if (isAlone()) return of(0);
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) { values[i].total = of(i); });
+  double most = 0;
+  for (const Objective::Value& one : values) most = std::max(most, one.total);
+  return most;
+}
+
+double Minimand::fallen2(const float* gradient, const float* d) const {
   double most = 0;
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const auto pushes = [&](const TouchRow& row) { return gapOf(touches[row.touch]) < 0; };
     const auto rows = pieces[i]->touch_rows;
     if (std::any_of(rows.begin(), rows.end(), pushes)) continue;
-    most = std::max(most, pieces[i]->fallen2(gradient + first[i]));
+    const float* const done = d + first[i];
+    most = std::max(
+        most, pieces[i]->fallen2(gradient + first[i]) / pieces[i]->settled2(dot(done, done, 4 * pieces[i]->field->k)));
   }
   return most;
 }
@@ -533,23 +555,12 @@ void Minimand::renew(const float* d, bool pushing_only) const {
 
 namespace {
 
-double squaredSize(const Objective& objective) {
-  return dot(objective.scratch->base.data(), objective.scratch->base.data(), 4 * objective.field->k);
-}
-
 /// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
 /// slope, so that the minimum lies at slope / (slope - held) times its length; and what nothing pushes falls by itself.
 bool staysShort(double squared_length, double most, double slope, double held, double fallen2) {
   if (held > 0 && fallen2 > most) return false;
   const double left = 1 - held / slope;
   return left > 0 && squared_length <= left * left * most;
-}
-
-/// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
-/// way from the prediction.
-double settledWay2(const Objective& objective, double way2) {
-  const double moves = kRounding * std::min(1.0, objective.h * objective.h * objective.roughStiffness());
-  return kSettled * kSettled * way2 + moves * moves * squaredSize(objective);
 }
 
 }  // namespace
@@ -560,7 +571,7 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   std::copy_n(gradient + first, n, direction + first);
   std::fill_n(direction, first, 0.0F);
   objective.precondition(direction);
-  return staysShort(dot(direction + first, direction + first, n), settledWay2(objective, dot(d + first, d + first, n)),
+  return staysShort(dot(direction + first, direction + first, n), objective.settled2(dot(d + first, d + first, n)),
                     dot(gradient + first, direction + first, n), objective.heldByContacts(direction),
                     objective.fallen2(gradient));
 }
@@ -591,12 +602,9 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   bool renewed = false;              // the matrix is that of this shape
   const bool has_friction = minimand.hasFriction();
   float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
-  double rounded2 = 0, energy_noise = 0;
-  for (std::size_t i = 0; i < minimand.pieces.size(); ++i) {
-    const Objective& piece = *minimand.pieces[i];
-    const double size2 = squaredSize(piece), rough = piece.roughStiffness();
-    rounded2 += settledWay2(piece, 0);
-    energy_noise += kRounding * kRounding * rough * size2;
+  double energy_noise = 0;
+  for (const Objective* piece : minimand.pieces) {
+    energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->size2();
   }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);
@@ -610,13 +618,11 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       pairs.clear();
       continue;
     }
-    const double way2 = dot(d, d, n, jobs);
     // The way a scaled matrix leaves is longer where the first one was right.
-    const double most = double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
-    const double length2 = dot(direction, direction, n, jobs);
+    const double most = double(scale) * double(scale), length2 = minimand.unsettled2(direction, d);
     const bool settled = length2 <= most;
-    if (settled &&
-        (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction), minimand.fallen2(gradient))))
+    if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction),
+                                          minimand.fallen2(gradient, d))))
       break;
     float part = 1;
     bool taken = false;

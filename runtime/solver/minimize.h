@@ -145,6 +145,11 @@ struct Objective {
   /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
   /// contact pushes it as last evaluated; else 0.
   double fallen2(const float* gradient) const;
+  /// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
+  /// way from the prediction.
+  double settled2(double way2) const;
+  /// Squared length of the prediction about its centre.
+  double size2() const;
   /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
   double roughStiffness() const;
 };
@@ -174,8 +179,11 @@ struct Minimand {
   bool hasFriction() const;
   /// Objective::heldByContacts() of all, and of the touches.
   double heldByContacts(const float* direction) const;
-  /// The largest Objective::fallen2() of pieces that no touch pushes either.
-  double fallen2(const float* gradient) const;
+  /// The largest squared length of a piece's part of a direction, times what changes nothing of it at d: a light piece
+  /// is to settle as well as a heavy one.
+  double unsettled2(const float* direction, const float* d) const;
+  /// The same of Objective::fallen2(), of pieces that no touch pushes either.
+  double fallen2(const float* gradient, const float* d) const;
   /// The matrices become those of the shape at d. \param pushing_only of contacts and touches those count that push
   /// there, not all that are near.
   void renew(const float* d, bool pushing_only) const;

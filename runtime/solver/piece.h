@@ -143,7 +143,7 @@ struct Piece {
   HoldWays ways;                                 ///< of this step
   Matrix3d holds_turned = Matrix3d::Identity();  ///< frame of the holds in this step
   Array<float> reach_free, reach_fixed;          ///< findReach() of the fields
-  Eigen::AlignedBox3d box;                       ///< around its contact points, world; of a body that is asleep
+  Eigen::AlignedBox3d box;                       ///< around its surface, world; of a body that is asleep
   SystemFactor system;
 };
 

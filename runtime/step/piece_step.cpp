@@ -160,9 +160,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.body = body_.id;
   result.piece = field_.piece;
   result.field = &field_;
-  for (const DepthMap& map : body_.rest().depths) {
-    if (map.piece() == field_.piece) result.map = &map;
-  }
+  result.map = body_.rest().depthsOf(field_.piece);
   result.base = s_.base.data();
   for (std::uint32_t j = 0; j < k_; ++j) {
     const Vector3d old = piece_.state.z[j] - oneOf(field_, j) * center_;

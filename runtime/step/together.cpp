@@ -57,7 +57,9 @@ Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& 
   const Vector3d center = meanOf(field, piece.z());
   Eigen::AlignedBox3d box;
   if (count == 0) return box;
-  const double margin = kMargin * double(body.package().info().diagonal);
+  const DepthMap* const map = body.rest().depthsOf(field.piece);
+  const double margin =
+      kMargin * double(body.package().info().diagonal) + (map != nullptr ? double(map->bulge()) : 0.0);
   for (int axis = 0; axis < 3; ++axis) {
     float low = 1e30F, high = -1e30F;
     for (const bool later : {false, true}) {

@@ -15,7 +15,7 @@ namespace sinew::internal {
 /// surface that it has not touched before.
 inline constexpr std::uint8_t kBusyWithItself = 1, kBusyWithOthers = 2, kBusyAnew = 3;
 
-/// A box around a piece's contact points over a step, metres, world.
+/// A box around a piece's surface over a step, metres, world.
 struct PieceBox {
   std::uint32_t body, piece;  ///< places in BodyList and Body::pieces
   std::array<double, 3> low, high;
@@ -91,7 +91,7 @@ struct TogetherScratch {
   Array<TouchRange> runs;  ///< of it, by pair
 };
 
-/// Box around a piece's contact points now and, as it moves, after h seconds; world.
+/// Box around a piece's surface now and, as it moves, after h seconds; world. Empty without contact points.
 Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h);
 /// Root of a tree in a forest of parents.
 std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i);

@@ -6,10 +6,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <vector>
 
-#include "runtime/contact/depth_map.h"
+#include "runtime/contact/touch.h"
+#include "runtime/load/rest_constants.h"
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 #include "tests/support/box_package.h"
@@ -334,6 +336,167 @@ TEST(Touch, WaysOutDoNotJump) {
     before = now;
   }
   EXPECT_GT(before.y(), 0.99F);
+}
+
+/// A piece of a box asset whose rest places lie where `bend` has them, as a search for touches sees it.
+struct SeenPiece {
+  SeenPiece(const std::shared_ptr<const Asset>& of, std::uint32_t body,
+            const std::function<Vector3d(const Vector3d&)>& bend)
+      : asset(of) {
+    const internal::Field& field = asset->constants().fields[0];
+    coefficients.assign(4 * std::size_t(field.k), 0);
+    points.resize(internal::pointFloats(field));
+    // The functions are orthonormal under the masses.
+    const auto vertices = asset->package().physicalVertices();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+        const auto& rest = vertices[i].rest_position;
+        const Vector3d at = bend(Vector3d(double(rest[0]), double(rest[1]), double(rest[2])));
+        for (std::uint32_t c = 0; c < 3; ++c) {
+          coefficients[4 * j + c] += vertices[i].mass * field.valueAt(i, j) * float(at[int(c)]);
+        }
+      }
+    }
+    seen.body = body;
+    seen.field = &field;
+    seen.map = asset->constants().depthsOf(0);
+    seen.base = seen.before = coefficients.data();
+    seen.mass = field.mass;
+    seen.weight = 9.81 * field.mass;
+    seen.diagonal = double(asset->package().info().diagonal);
+    seen.points = points;
+    internal::placePoints(seen);
+  }
+  std::shared_ptr<const Asset> asset;
+  std::vector<float> coefficients, points;
+  internal::TouchingPiece seen;
+};
+
+/// The touches of a's points with b.
+struct SeenTouches {
+  explicit SeenTouches(const SeenPiece& a, const SeenPiece& b, const std::vector<internal::TouchMemory>& known = {})
+      : list(std::pmr::get_default_resource()) {
+    internal::findTouches(a.seen, b.seen, 0, 1, double(kStep), known, list);
+  }
+  const internal::FoundTouch* of(std::uint32_t point) const {
+    const auto is = [point](const internal::FoundTouch& touch) { return touch.memory.point == point; };
+    const auto* const found = std::find_if(list.touches.begin(), list.touches.end(), is);
+    return found == list.touches.end() ? nullptr : found;
+  }
+  internal::TouchList list;
+};
+
+/// The contact point nearest to a place at rest.
+std::uint32_t pointAt(const Asset& asset, const Eigen::Vector3f& place) {
+  const auto points = asset.constants().fields[0].points;
+  const auto way = [&](const formats::FieldPoint& p) { return (Eigen::Vector3f(p.at.data()) - place).norm(); };
+  return std::uint32_t(
+      std::min_element(points.begin(), points.end(), [&](const auto& p, const auto& q) { return way(p) < way(q); }) -
+      points.begin());
+}
+
+// A surface that is round between its contact points reaches beyond the box around them.
+TEST(Touch, FindsWhatIsUnderTheSurfaceBetweenContactPoints) {
+  BoxOptions options;
+  formats::PackageContent content = boxContent(options);
+  const std::array<double, 3> round = {1.1, 1.1, 1.1};
+  addDistances(content, 0, {0, 0, 0}, round, [&](const auto& at) { return boxDistance(at, {0, 0, 0}, round); });
+  const auto large = makeAsset(std::move(content)), box = touchingBox({1, 1, 1});
+  EXPECT_NEAR(large->constants().depths[0].bulge(), 0.05 * std::sqrt(3.0), 0.01);  // at its corners
+  EXPECT_LT(box->constants().depths[0].bulge(), 1e-3F);
+  World world(inSpace());
+  BodySettings at;
+  const BodyId one = *world.addBody(large, at);
+  at.position = {1.03F, 0, 0};
+  const BodyId other = *world.addBody(box, at);
+  for (int i = 0; i < 60; ++i) world.step(kStep);
+  EXPECT_GT(motionOf(world, {other}).center[0] - motionOf(world, {one}).center[0], 1.04);
+}
+
+// The ends of a bar that turn by more than a radian against the whole of it: from where that has a point they are not
+// found, or others are that lie there as well.
+TEST(Touch, GoesOnWhereItWas) {
+  const auto bar = touchingBox({4, 1, 1}, 8), box = touchingBox({0.5, 0.5, 0.5});
+  const auto bend = [](const Vector3d& x) {
+    return Vector3d(x[0] + 0.6 * x[0] * x[1] - 0.1 * x[0] * x[0], x[1] - 0.4 * x[0] * x[0], x[2]);
+  };
+  const SeenPiece under(bar, 1, bend);
+  const std::uint32_t corner = pointAt(*box, {-0.25F, -0.25F, -0.25F});
+  for (const float along : {-1.5F, 1.5F}) {
+    const Vector3d place = bend(Vector3d(double(along), 0.49, 0.1));
+    const SeenPiece over(box, 0, [&](const Vector3d& x) { return Vector3d(x + place + Vector3d(0.25, 0.25, 0.25)); });
+    internal::TouchMemory known = {};
+    known.body_b = 1;
+    known.point = corner;
+    known.depth = 0.01F;
+    known.anchor = {along, 0.49F, 0.1F};
+    known.outward = {0, 1, 0};
+    const SeenTouches touches(over, under, {known});
+    ASSERT_NE(touches.of(corner), nullptr) << along;
+    EXPECT_NEAR(touches.of(corner)->place[0], along, 1e-3F) << along;
+    EXPECT_NEAR(touches.of(corner)->place[1], 0.5F, 1e-3F) << along;
+  }
+}
+
+// Between nodes of the grid distances near an edge are shorter than the ways out: a known way stays the way all the
+// same.
+TEST(Touch, AKnownWayStaysNearAnEdge) {
+  const auto box = touchingBox({1, 1, 1});
+  const auto still = [](const Vector3d& x) { return x; };
+  const SeenPiece under(box, 1, still);
+  const std::uint32_t corner = pointAt(*box, {-0.5F, -0.5F, -0.5F});
+  const Vector3d place(0.1, 0.497, 0.4968);
+  const SeenPiece over(box, 0, [&](const Vector3d& x) { return Vector3d(x + place + Vector3d(0.5, 0.5, 0.5)); });
+  internal::TouchMemory known = {};
+  known.body_b = 1;
+  known.point = corner;
+  known.depth = 0.01F;
+  known.anchor = {0.1F, 0.5F, 0.4968F};
+  known.outward = {0, 0.7F, 0.71F};
+  const SeenTouches touches(over, under, {known});
+  ASSERT_NE(touches.of(corner), nullptr);
+  EXPECT_EQ(touches.of(corner)->memory.outward, known.outward);
+}
+
+// A light body beside a heavy one is solved as well as alone: a bound of what both have left would let it be.
+TEST(Touch, LightBodiesRingBesideHeavyOnes) {
+  const auto asset = [](double side, double density) {
+    BoxOptions options;
+    options.size = {side, side, side};
+    options.density = density;
+    formats::PackageContent content = boxContent(options);
+    addDistances(content, 0, {0, 0, 0}, options.size, [&](const auto& at) {
+      return boxDistance(at, {0, 0, 0}, options.size);
+    });
+    return makeAsset(std::move(content));
+  };
+  const auto heavy = asset(1, 1e8), light = asset(0.5, 1);
+  const auto heights = [&](bool beside) {
+    World world(inSpace());
+    const auto addStretched = [&](const std::shared_ptr<const Asset>& of, float x, float stretch) {
+      BodySettings at;
+      at.position = {x, 0, 0};
+      const BodyId body = *world.addBody(of, at);
+      std::vector<Vec3> places(world.positions(body).begin(), world.positions(body).end());
+      const std::vector<Vec3> still(places.size());
+      for (Vec3& place : places) place[1] *= stretch;
+      world.setState(body, places, still);
+      return body;
+    };
+    const BodyId body = addStretched(light, 0, 1.5F);
+    if (beside) addStretched(heavy, 0.751F, 1.001F);
+    std::vector<float> result;
+    for (int i = 0; i < 25; ++i) {
+      world.step(1.0F / 240);
+      float highest = 0;
+      for (const Vec3& place : world.positions(body)) highest = std::max(highest, place[1]);
+      result.push_back(highest);
+    }
+    return result;
+  };
+  const std::vector<float> alone = heights(false), together = heights(true);
+  for (std::size_t i = 0; i < alone.size(); ++i) EXPECT_NEAR(together[i], alone[i], 5e-3F) << i;
+  EXPECT_LT(alone.back(), 0.25F);
 }
 
 // A row whose neighbours overlap a little is one island: of twenty, and of so many that its vectors are shared as well;
