@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "runtime/clusters/algebra.h"
 
@@ -15,8 +16,10 @@ using Eigen::Vector3f;
 
 /// Places of the surface that are looked at for its bulge.
 constexpr std::size_t kBulges = 512;
-/// A contact point stands for a place that is nearer than this times the root of its area.
-constexpr float kStandsFor = 2;
+/// Contact points around a place: of the triangle between points that has it, they lie within twice the radius of the
+/// circle around that (Delaunay). No place is farther from all points than they are apart, for each is as far as
+/// possible from those before it, so that radius is at most about the root of the area that is one's share.
+constexpr float kAround = 2;
 
 /// Cells along the longest side, so that one has about as many tetrahedra as a tetrahedron has neighbours.
 std::uint32_t cellsAlong(std::size_t tetrahedra) {
@@ -107,12 +110,13 @@ void DepthMap::findBulge(std::span<const formats::FieldPoint> points) {
     const Vector3f at(float(i % grid_->nodes[0]), float(row % grid_->nodes[1]), float(layer));
     const Vector3f node = asVector(grid_->origin) + grid_->spacing * at, normal = outward(node);
     const Vector3f place = node - grid_->unit * float(values_[i]) * normal;
-    float highest = -1e30F;
+    constexpr float kNone = std::numeric_limits<float>::infinity();
+    float over = kNone;
     for (const formats::FieldPoint& point : points) {
-      const Vector3f way = asVector(point.at) - place;
-      if (way.squaredNorm() < kStandsFor * kStandsFor * point.area) highest = std::max(highest, normal.dot(way));
+      const Vector3f way = place - asVector(point.at);
+      if (way.squaredNorm() < kAround * kAround * point.area) over = std::min(over, normal.dot(way));
     }
-    if (highest < 0 && highest > -1e30F) bulge_ = std::max(bulge_, -highest);
+    if (over < kNone) bulge_ = std::max(bulge_, over);
   }
 }
 

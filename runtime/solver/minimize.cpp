@@ -509,11 +509,14 @@ double Minimand::heldByContacts(const float* direction) const {
   return held;
 }
 
+double Minimand::settled2(std::uint32_t piece, const float* d) const {
+  return pieces[piece]->settled2(dot(d + first[piece], d + first[piece], 4 * pieces[piece]->field->k));
+}
+
 double Minimand::unsettled2(const float* direction, const float* d) const {
   const auto of = [&](std::uint32_t i) {
-    const std::uint32_t count = 4 * pieces[i]->field->k;
-    const float *const way = direction + first[i], *const done = d + first[i];
-    return dot(way, way, count) / pieces[i]->settled2(dot(done, done, count));
+    const float* const way = direction + first[i];
+    return dot(way, way, 4 * pieces[i]->field->k) / settled2(i, d);
   };
   if (isAlone()) return of(0);
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) { values[i].total = of(i); });
@@ -524,13 +527,11 @@ double Minimand::unsettled2(const float* direction, const float* d) const {
 
 double Minimand::fallen2(const float* gradient, const float* d) const {
   double most = 0;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
+  for (std::uint32_t i = 0; i < pieces.size(); ++i) {
     const auto pushes = [&](const TouchRow& row) { return gapOf(touches[row.touch]) < 0; };
     const auto rows = pieces[i]->touch_rows;
     if (std::any_of(rows.begin(), rows.end(), pushes)) continue;
-    const float* const done = d + first[i];
-    most = std::max(
-        most, pieces[i]->fallen2(gradient + first[i]) / pieces[i]->settled2(dot(done, done, 4 * pieces[i]->field->k)));
+    most = std::max(most, pieces[i]->fallen2(gradient + first[i]) / settled2(i, d));
   }
   return most;
 }

@@ -189,6 +189,8 @@ struct Minimand {
   void renew(const float* d, bool pushing_only) const;
 
  private:
+  /// Objective::settled2() of a piece at d.
+  double settled2(std::uint32_t piece, const float* d) const;
   bool isAlone() const { return pieces.size() == 1 && touches.empty(); }
   /// Way of a touch's points apart.
   Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
