@@ -63,6 +63,21 @@ Matrix3f gradientAt(const TouchingPiece& piece, const formats::PackageView& pack
   return sides * rest_sides.inverse();
 }
 
+/// Takes back ways of the bent body to its rest shape: (F^T F + e^2 I)^-1 F^T. The inverse of F would take a way across
+/// what lies pressed flat as far as it likes; this one lengthens none by more than 1 / 2e (Tikhonov 1963).
+Matrix3f boundedInverse(const Matrix3f& gradient) {
+  constexpr float kFlat = 0.01F;  // e: a stretch below which a body counts as flat
+  const Matrix3f square = gradient.transpose() * gradient + kFlat * kFlat * Matrix3f::Identity();
+  return square.inverse() * gradient.transpose();
+}
+
+/// det(F) F^-T, which turns normals of surfaces as F bends these, flat or not.
+Matrix3f cofactorOf(const Matrix3f& f) {
+  Matrix3f result;
+  for (int i = 0; i < 3; ++i) result.col(i) = f.col((i + 1) % 3).cross(f.col((i + 2) % 3));
+  return result;
+}
+
 /// Where a way out of b reaches its surface. \param way unit. \param[out] place of the surface. \param[out] outward
 /// unit normal there. \return false where it does not leave, or leaves where the surface does not face it.
 bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, double diagonal, Vector3f& place,
@@ -444,8 +459,9 @@ class TouchSearch {
     if (!b_.map->locate(touch.place, material)) return;
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
     touch.entered = entered;
-    touch.to_rest = gradient.determinant() > 0 ? Matrix3f(gradient.inverse()) : Matrix3f(b_.turn.transpose());
-    const Vector3f normal = touch.to_rest.transpose() * outward;
+    const bool upright = gradient.determinant() > 0;
+    touch.to_rest = upright ? boundedInverse(gradient) : Matrix3f(b_.turn.transpose());
+    const Vector3f normal = upright ? Vector3f(cofactorOf(gradient) * outward) : Vector3f(b_.turn * outward);
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
     const std::size_t first = list_.rows.size();
     list_.rows.resize(first + field_a.k + field_b.k);

@@ -15,8 +15,8 @@ namespace {
 
 /// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
-/// Pairs of an island: its vectors are long.
-constexpr std::uint32_t kPairs = 5;
+/// Pairs of an island, beside those of its pieces: its vectors are long.
+constexpr std::uint32_t kPairs = 3;
 /// Touches of an island that a job takes at least.
 constexpr std::uint32_t kTouchesAJob = 64;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
@@ -454,8 +454,10 @@ Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const 
 
 double Minimand::rub(float* gradient) const {
   if (isAlone()) return pieces[0]->rub(gradient);
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob,
-          [&](std::uint32_t i) { touches[i].force = pressAnew(touches[i]); });
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
+    touches[i].force = pressAnew(touches[i]);
+    touches[i].pulled += touches[i].force.pull;
+  });
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     values[i].total = pieces[i]->rub(gradient + first[i]);
     addForces(i, gradient);
@@ -477,10 +479,37 @@ void Minimand::press(const float* d) const {
 void Minimand::precondition(float* g) const {
   if (rigid != nullptr) rigid->take(*this, g);
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+    if (!own_pairs.empty()) own_pairs[i]->reduce(g + first[i]);
     std::fill_n(g + first[i], 4 * pieces[i]->field->driven, 0.0F);
     pieces[i]->precondition(g + first[i]);
+    if (!own_pairs.empty()) own_pairs[i]->expand(g + first[i]);
   });
   if (rigid != nullptr) rigid->give(*this, g);
+}
+
+void Minimand::pullOn() const {
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob,
+          [&](std::uint32_t i) { touches[i].pulled = touches[i].force.pull; });
+}
+
+void Minimand::takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const {
+  if (own_pairs.empty()) return;
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+    const std::uint32_t k = pieces[i]->field->k;
+    float *const way = own_pairs[i]->nextOffset(), *const bend = own_pairs[i]->nextChange();
+    for (std::uint32_t j = 0; j < 4 * k; ++j) {
+      way[j] = to[first[i] + j] - from[first[i] + j];
+      bend[j] = next_gradient[first[i] + j] - gradient[first[i] + j];
+    }
+    for (const TouchRow& row : pieces[i]->touch_rows) {
+      const Touch& touch = touches[row.touch];
+      Four more = -row.sign * padded(touch.force.pull - touch.pulled);
+      if (gapOf(touch) < 0) more += touch.kappa * sumOfRows(row.phi, way, k);
+      addTo(bend, row.phi, more, k);
+    }
+    own_pairs[i]->keep();
+  });
+  pullOn();
 }
 
 bool Minimand::hasFriction() const {
@@ -603,6 +632,12 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   bool renewed = false;              // the matrix is that of this shape
   const bool has_friction = minimand.hasFriction();
   float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
+  const auto all = [&](const auto& visit) {
+    visit(pairs);
+    for (Pairs* own : minimand.own_pairs) visit(*own);
+  };
+  const auto clear = [&] { all([](Pairs& some) { some.clear(); }); };
+  minimand.pullOn();
   double energy_noise = 0;
   for (const Objective* piece : minimand.pieces) {
     energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->size2();
@@ -615,8 +650,10 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     pairs.expand(direction, jobs);
     double slope = dot(gradient, direction, n, jobs);
     if (!(slope > 0)) {
-      if (pairs.count() == 0) break;
-      pairs.clear();
+      std::uint32_t count = 0;
+      all([&count](const Pairs& some) { count += some.count(); });
+      if (count == 0) break;
+      clear();
       continue;
     }
     // The way a scaled matrix leaves is longer where the first one was right.
@@ -652,13 +689,14 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       if (renewed) break;
       minimand.renew(d, settled);
       renewed = true;
-      pairs.clear();
+      clear();
       scale = 1;
       continue;
     }
     renewed = carried = false;
     scale *= part;
     pairs.take(d, trial, gradient, next_gradient, jobs);
+    minimand.takeOwn(d, trial, gradient, next_gradient);
     std::copy_n(trial, n, d);
     std::copy_n(s.next_gradient.data(), n, s.gradient.data());
     value = next;

@@ -59,6 +59,7 @@ struct Touch : Push {
   std::uint32_t a, b;          ///< pieces of a Minimand
   const float *phi_a, *phi_b;  ///< their rows
   PushForce force;             ///< at the last evaluation; of rub() how much it has changed
+  Eigen::Vector3f pulled;      ///< the pull where the minimization has come to, N
 };
 
 /// A Touch as one of its pieces has it.
@@ -166,6 +167,7 @@ struct Minimand {
   MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
+  std::span<Pairs* const> own_pairs;     ///< of each piece (takeOwn()); none of one piece alone
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
   std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`, first the ones that hang or lie on others
 
@@ -174,8 +176,16 @@ struct Minimand {
   void press(const float* d) const;
   /// Objective::rub() of all, and of the touches.
   double rub(float* gradient) const;
-  /// The first matrices' inverses and what couples them times g, in place; 0 where pins drive.
+  /// The inverses of the pieces' second derivatives, as first matrices and own pairs have them, and what couples them
+  /// times g, in place; 0 where pins drive.
   void precondition(float* g) const;
+  /// Pairs of each piece with the others where they are: the change of its gradient along its own part of a step, to
+  /// which a touch adds kappa of what pushes. They meet what the pieces' first matrices do not know of them; pairs of
+  /// all together meet what is between them (partitioned secant updates, Griewank and Toint 1982).
+  /// \param from, to, gradient, next_gradient as in Pairs::take(), the last before rub().
+  void takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const;
+  /// What touches pull at the last evaluation counts as pulled.
+  void pullOn() const;
   bool hasFriction() const;
   /// Objective::heldByContacts() of all, and of the touches.
   double heldByContacts(const float* direction) const;

@@ -48,6 +48,10 @@ double dotOf(const float* a, const float* b, std::uint32_t n) {
   return (total[0] + total[1]) + (total[2] + total[3]);
 }
 
+Eigen::Array3d productsOf(const float* a, const float* b, std::uint32_t n) {
+  return {dotOf(a, b, n), dotOf(a, a, n), dotOf(b, b, n)};
+}
+
 void add(float factor, const float* a, float* to, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; i += 4) Four::Map(to + i) += factor * Four::Map(a + i);
 }
@@ -112,16 +116,20 @@ void Pairs::expand(float* direction, JobSystem* jobs) const {
 
 void Pairs::take(const float* from, const float* to, const float* gradient, const float* next_gradient,
                  JobSystem* jobs) {
-  const std::uint32_t i = (newest_ + 1) % most_;
-  const Eigen::Array3d products = sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
-    float *const way = offset(i), *const bend = change(i);
+  keep(sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
+    float *const way = nextOffset(), *const bend = nextChange();
     for (std::uint32_t j = begin; j < end; ++j) {
       way[j] = to[j] - from[j];
       bend[j] = next_gradient[j] - gradient[j];
     }
-    const float *const a = way + begin, *const b = bend + begin;
-    return Eigen::Array3d(dotOf(a, b, end - begin), dotOf(a, a, end - begin), dotOf(b, b, end - begin));
-  });
+    return productsOf(way + begin, bend + begin, end - begin);
+  }));
+}
+
+void Pairs::keep() { keep(productsOf(nextOffset(), nextChange(), n_)); }
+
+void Pairs::keep(const Eigen::Array3d& products) {
+  const std::uint32_t i = next();
   const double curvature = products[0];
   if (!(curvature > kLeastCosine * std::sqrt(products[1] * products[2]))) return;
   curvature_[i] = curvature;

@@ -46,6 +46,10 @@ class Pairs {
   /// \param from, to places. \param gradient, next_gradient there.
   void take(const float* from, const float* to, const float* gradient, const float* next_gradient,
             JobSystem* jobs = nullptr);
+  /// Where take() has the offset and the change of the next pair, until keep().
+  float* nextOffset() { return offset(next()); }
+  float* nextChange() { return change(next()); }
+  void keep();
 
   /// Bytes of a saved pair of vectors of n floats.
   static std::size_t savedBytes(std::size_t n) { return 2 * n / 4 * 3 * sizeof(float); }
@@ -55,6 +59,9 @@ class Pairs {
   void restore(std::uint32_t n, std::uint32_t count, const std::byte* from);
 
  private:
+  /// \param products of offset and change, of the offset and of the change with themselves
+  void keep(const Eigen::Array3d& products);
+  std::uint32_t next() const { return (newest_ + 1) % most_; }
   std::uint32_t slot(std::uint32_t age) const { return (newest_ + most_ - age) % most_; }
   float* offset(std::uint32_t slot) { return values_.data() + std::size_t(2 * n_) * slot; }
   float* change(std::uint32_t slot) { return offset(slot) + n_; }

@@ -38,22 +38,28 @@ struct PieceState {
         v(memory),
         z_before(memory),
         v_before(memory),
+        z_rest(memory),
         touching(memory),
         plastic(memory),
         pairs(kPairs, memory) {}
 
   static constexpr std::uint32_t kPairs = 8;
+  static constexpr std::size_t kVectors = 5;  ///< of vectors()
 
   bool held = false;                   ///< which of the piece's fields it moves in
   Array<Vector3d> z, v;                ///< coefficients of position (metres, world) and velocity
   Array<Vector3d> z_before, v_before;  ///< one step earlier
-  double h_before = 0;                 ///< length of the last step, s; 0: z_before says nothing, as where it touched
-  Vector3d turn = Vector3d::Zero();    ///< that the frame made in the last step, rad
-  Vector3d omega = Vector3d::Zero();   ///< angular velocity when it began, rad/s
-  double elastic = -1;                 ///< energy that the shape stores, J; negative: not known
-  bool leaning = false;                ///< on other pieces, of which one is held
-  Array<TouchingPoint> touching;       ///< by collider, then by point
-  Array<float> plastic;                ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
+  Array<Vector3d> z_rest;              ///< where it was when Body::still was last 0
+  /// A value for each function, as many as z.
+  std::array<Array<Vector3d>*, kVectors> vectors() { return {&z, &v, &z_before, &v_before, &z_rest}; }
+  std::array<const Array<Vector3d>*, kVectors> vectors() const { return {&z, &v, &z_before, &v_before, &z_rest}; }
+  double h_before = 0;                ///< length of the last step, s; 0: z_before says nothing, as where it touched
+  Vector3d turn = Vector3d::Zero();   ///< that the frame made in the last step, rad
+  Vector3d omega = Vector3d::Zero();  ///< angular velocity when it began, rad/s
+  double elastic = -1;                ///< energy that the shape stores, J; negative: not known
+  bool leaning = false;               ///< on other pieces, of which one is held
+  Array<TouchingPoint> touching;      ///< by collider, then by point
+  Array<float> plastic;               ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
   /// Of the last step, its inertia of a length pairs_h, s, and the frame then; none where h_before is 0.
   Pairs pairs;
   double pairs_h = 0;

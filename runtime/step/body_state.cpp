@@ -58,9 +58,7 @@ void drawFaded(Body& body, const Piece& piece, double part, const Vector3d& cent
 
 void resizeState(Piece& piece) {
   const std::size_t k = piece.field().k;
-  for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
-    array->resize(k);
-  }
+  for (Array<Vector3d>* array : piece.state.vectors()) array->resize(k);
   piece.springs_firm = -1;
   piece.system.h = 0;
 }

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::uint32_t kHeld = 1, kLeaning = 2;  ///< of SavedPiece::flags
 
-/// A PieceState without its arrays, which follow: z, v, z_before, v_before, touching, plastic, pairs.
+/// A PieceState without its arrays, which follow: z, v, z_before, v_before, z_rest, touching, plastic, pairs.
 struct SavedPiece {
   std::uint32_t flags, functions, touching, plastic;
   std::uint64_t level;
@@ -32,8 +32,9 @@ struct SavedPiece {
 };
 
 std::size_t arrayBytes(const SavedPiece& saved) {
-  return 4 * std::size_t(saved.functions) * sizeof(Vector3d) + saved.touching * sizeof(TouchingPoint) +
-         saved.plastic * sizeof(float) + saved.pairs * Pairs::savedBytes(4 * saved.functions);
+  return PieceState::kVectors * std::size_t(saved.functions) * sizeof(Vector3d) +
+         saved.touching * sizeof(TouchingPoint) + saved.plastic * sizeof(float) +
+         saved.pairs * Pairs::savedBytes(4 * saved.functions);
 }
 
 /// Pairs that the next step may use.
@@ -73,7 +74,7 @@ class CoupledSolver final : public BodySolver {
                                                                            fieldOf(body.rest().fields, p, true);
       Piece& piece = body.pieces.emplace_back(free, fixed, memory);
       const std::size_t k = std::max(free->k, fixed != nullptr ? fixed->k : 0U);
-      for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
+      for (Array<Vector3d>* array : piece.state.vectors()) {
         array->reserve(k);
       }
       piece.state.touching.reserve(kMostContacts);
@@ -189,7 +190,9 @@ class CoupledSolver final : public BodySolver {
       PieceState& state = piece.state;
       for (std::uint32_t j = 0; j < state.z.size(); ++j) {
         const double one = double(piece.field().functions[j].one);
-        for (auto* array : {&state.z, &state.z_before}) (*array)[j] = rotation * (*array)[j] + one * translation;
+        for (auto* array : {&state.z, &state.z_before, &state.z_rest}) {
+          (*array)[j] = rotation * (*array)[j] + one * translation;
+        }
         for (auto* array : {&state.v, &state.v_before}) (*array)[j] = rotation * (*array)[j];
       }
       state.turn = rotation * state.turn;
@@ -222,7 +225,7 @@ class CoupledSolver final : public BodySolver {
       const PieceState& state = piece.state;
       const SavedPiece saved = savedOf(piece);
       put(&saved, sizeof saved);
-      for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+      for (const auto* array : state.vectors()) {
         put(array->data(), array->size() * sizeof(Vector3d));
       }
       put(state.touching.data(), state.touching.size() * sizeof(TouchingPoint));
@@ -245,7 +248,8 @@ class CoupledSolver final : public BodySolver {
           (saved.pairs > 0 && !(saved.pairs_h > 0)) || bytes.size() - sizeof saved < arrayBytes(saved)) {
         return false;
       }
-      const std::byte* at = bytes.data() + sizeof saved + 4 * std::size_t(saved.functions) * sizeof(Vector3d);
+      const std::byte* at =
+          bytes.data() + sizeof saved + PieceState::kVectors * std::size_t(saved.functions) * sizeof(Vector3d);
       std::uint64_t next = 0;
       for (std::uint32_t t = 0; t < saved.touching; ++t, at += sizeof(TouchingPoint)) {
         TouchingPoint point;
@@ -286,7 +290,7 @@ class CoupledSolver final : public BodySolver {
       state.rebound = {saved.rebound[0], saved.rebound[1], saved.rebound[2]};
       piece.springs_firm = -1;
       piece.system.h = 0;
-      for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+      for (auto* array : state.vectors()) {
         array->resize(saved.functions);
         get(array->data(), saved.functions * sizeof(Vector3d));  // any numbers: what is lost a step puts right
       }

@@ -35,6 +35,7 @@ void IslandScratch::reserve(std::size_t steps, std::size_t members, std::size_t 
   place.reserve(steps);
   objectives.reserve(members);
   systems.reserve(members);
+  own_pairs.reserve(members);
   values.reserve(members);
   touches.reserve(touch_count);
   rows.reserve(2 * touch_count);
@@ -71,6 +72,7 @@ void Island::gather() {
   s.first.clear();
   s.objectives.clear();
   s.systems.clear();
+  s.own_pairs.clear();
   s.place.resize(steps_.size());
   std::uint32_t size = 0;
   for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -79,12 +81,14 @@ void Island::gather() {
     size += 4 * member(i).field().k;
     s.objectives.push_back(&member(i).objective());
     s.systems.push_back(&member(i).system());
+    s.own_pairs.push_back(&member(i).startPairs());
   }
   s.values.resize(members_.size());
   s.vectors.reserveVectors(size);
   gatherRows();
   minimand_.pieces = {s.objectives.data(), s.objectives.size()};
   minimand_.systems = {s.systems.data(), s.systems.size()};
+  minimand_.own_pairs = {s.own_pairs.data(), s.own_pairs.size()};
   minimand_.first = {s.first.data(), s.first.size()};
   minimand_.size = size;
   minimand_.touches = {s.touches.data(), s.touches.size()};

@@ -22,6 +22,7 @@ struct IslandScratch {
         next_row(memory),
         objectives(memory),
         systems(memory),
+        own_pairs(memory),
         touches(memory),
         rows(memory),
         values(memory) {}
@@ -33,6 +34,7 @@ struct IslandScratch {
   Array<std::uint32_t> first, order, place, next_row;
   Array<Objective*> objectives;
   Array<SystemFactor*> systems;
+  Array<Pairs*> own_pairs;
   Array<Touch> touches;
   Array<TouchRow> rows;
   Array<Objective::Value> values;

@@ -58,6 +58,11 @@ class PieceStep {
 
   Objective& objective() { return objective_; }
   SystemFactor& system() { return piece_.system; }
+  /// Of this step, none yet.
+  Pairs& startPairs() {
+    piece_.state.pairs.start(4 * k_);
+    return piece_.state.pairs;
+  }
   MinimizeScratch& scratch() { return s_; }
   const Field& field() const { return field_; }
   /// It stands as if it were rock: a part of an island that does not move.

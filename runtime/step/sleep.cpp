@@ -10,8 +10,11 @@
 namespace sinew::internal {
 namespace {
 
-/// Speed below which a body rests, rms, diagonals per second: in half a second it goes less than 0.025 % of its size.
-constexpr double kResting = 5e-4;
+/// Mean speed below which a body rests, rms, diagonals per second: over the time after which it sleeps, for what hums
+/// goes nowhere at any speed.
+constexpr double kResting = 1e-3;
+/// What flows has to rest so many times as long: sleep ends creep only where that goes a percent in a minute at most.
+constexpr double kFlowing = 10;
 
 /// Whether something holds or carries every piece: what floats may drift as slowly as it likes.
 bool isSupported(const Body& body) {
@@ -21,14 +24,22 @@ bool isSupported(const Body& body) {
   });
 }
 
-/// Whether all pieces are slow, and none still flows: plastic flow leaves no known energy.
-bool isStill(const Body& body) {
-  const double most = kResting * double(body.package().info().diagonal);
+/// Whether all pieces are where they came to rest.
+bool isStill(const Body& body, double seconds) {
+  const double most = kResting * seconds * double(body.package().info().diagonal);
   return std::all_of(body.pieces.begin(), body.pieces.end(), [most](const Piece& piece) {
+    const PieceState& state = piece.state;
     double squared = 0;
-    for (const Vector3d& row : piece.state.v) squared += row.squaredNorm();
-    return squared < most * most * piece.field().mass && !(piece.field().plastic && piece.state.elastic < 0);
+    for (std::uint32_t j = 0; j < state.z.size(); ++j) squared += (state.z[j] - state.z_rest[j]).squaredNorm();
+    return squared < most * most * piece.field().mass;
   });
+}
+
+/// Whether it has rested for long enough to sleep. Plastic flow leaves no known energy.
+bool hasRested(const Body& body, double seconds) {
+  const bool flows = std::any_of(body.pieces.begin(), body.pieces.end(),
+                                 [](const Piece& piece) { return piece.field().plastic && piece.state.elastic < 0; });
+  return !body.pieces.empty() && body.still >= (flows ? kFlowing : 1) * seconds;
 }
 
 }  // namespace
@@ -53,8 +64,13 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
   bool ready = false;
   for (const BodyPointer& body : bodies) {
     if (body->asleep() || body->pieces.empty()) continue;
-    body->still = isStill(*body) && isSupported(*body) ? body->still + seconds : 0;
-    ready = ready || body->still >= double(settings.sleep_seconds);
+    if (isStill(*body, double(settings.sleep_seconds)) && isSupported(*body)) {
+      body->still += seconds;
+      ready = ready || hasRested(*body, double(settings.sleep_seconds));
+      continue;
+    }
+    body->still = 0;
+    for (Piece& piece : body->pieces) std::copy(piece.state.z.begin(), piece.state.z.end(), piece.state.z_rest.begin());
   }
   if (!ready) return;
   // Bodies that touch share a root, the first of them.
@@ -68,7 +84,7 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
   });
   // A root is marked where one of its bodies has not rested long enough.
   const auto rested = [&](const Body& body) {
-    return body.asleep() || (!body.pieces.empty() && body.still >= double(settings.sleep_seconds));
+    return body.asleep() || hasRested(body, double(settings.sleep_seconds));
   };
   constexpr std::uint32_t kAwake = 0x80000000U;
   for (std::uint32_t i = 0; i < bodies.size(); ++i) parent[i] = rootOf(parent, i);

@@ -499,6 +499,91 @@ TEST(Touch, LightBodiesRingBesideHeavyOnes) {
   EXPECT_LT(alone.back(), 0.25F);
 }
 
+// What is far from its rest shape has a second derivative that its first matrix does not know: each of many bodies
+// finds its own.
+TEST(Touch, ManyBentBodiesSettleInAFewIterations) {
+  const auto asset = touchingBox({1, 1, 1});
+  World world(inSpace()), exact(inSpace());
+  exact.settings().iterations = 100;
+  std::vector<Vec3> before, after, wanted;
+  for (World* const each : {&world, &exact}) {
+    std::minstd_rand random(1);
+    std::uniform_real_distribution<float> stretch(0.5F, 1.8F);
+    std::vector<BodyId> bodies;
+    before.clear();
+    for (int i = 0; i < 40; ++i) {
+      BodySettings at;
+      at.position = {0, 1.3F * float(i), 0};
+      at.stiffness_scale = i % 2 == 0 ? 1.0F : 20.0F;
+      bodies.push_back(*each->addBody(asset, at));
+      const auto x = each->positions(bodies.back());
+      std::vector<Vec3> places(x.begin(), x.end());
+      const std::vector<Vec3> still(places.size());
+      const float wide = stretch(random), deep = stretch(random);
+      for (Vec3& place : places) {
+        place = {wide * place[0], at.position[1] + 1.301F * (place[1] - at.position[1]), deep * place[2]};
+      }
+      each->setState(bodies.back(), places, still);
+      const auto bent = each->positions(bodies.back());
+      before.insert(before.end(), bent.begin(), bent.end());
+    }
+    each->step(kStep);
+    std::vector<Vec3>& found = each == &world ? after : wanted;
+    for (const BodyId body : bodies) {
+      const auto x = each->positions(body);
+      found.insert(found.end(), x.begin(), x.end());
+    }
+  }
+  const auto distance = [](const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
+    const auto size = Eigen::Index(3 * a.size());
+    return (Eigen::Map<const Eigen::VectorXf>(a[0].data(), size) - Eigen::Map<const Eigen::VectorXf>(b[0].data(), size))
+        .cast<double>()
+        .norm();
+  };
+  EXPECT_LT(distance(after, wanted), 1e-3 * distance(before, wanted));
+}
+
+// What trembles goes nowhere, however fast.
+TEST(Touch, WhatTremblesInItsPlaceSleeps) {
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  settings.sleep_seconds = 0.5F;
+  World world(settings);
+  BodySettings at;
+  at.position = {0, 0.5F, 0};
+  const BodyId body = *world.addBody(touchingBox({1, 1, 1}), at);
+  for (int i = 0; i < 600 && !world.isAsleep(body); ++i) world.step(kStep);
+  ASSERT_TRUE(world.isAsleep(body));
+  const auto x = world.positions(body);
+  const std::vector<Vec3> places(x.begin(), x.end());
+  std::vector<Vec3> moving(places.size());
+  for (std::size_t i = 0; i < moving.size(); ++i) moving[i] = {0.02F * places[i][0], 0, -0.02F * places[i][2]};
+  world.setState(body, places, moving);
+  for (int i = 0; i < 125; ++i) world.step(kStep / 4);
+  EXPECT_TRUE(world.isAsleep(body)) << motionOf(world, {body}).speed;
+}
+
+// Friction holds places of the rest shape, and what is pressed flat would take them anywhere.
+TEST(Touch, WhatIsPressedFlatDoesNotExplode) {
+  const auto asset = touchingBox({1, 1, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  World world(settings);
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 108; ++i) {
+    BodySettings at;
+    at.position = {0.97F * float(i % 6) + 0.1F * float(i / 36), 0.5F + 0.95F * float(i / 36), 0.97F * float(i / 6 % 6)};
+    at.stiffness_scale = i % 2 == 0 ? 0.1F : 4.0F;
+    bodies.push_back(*world.addBody(asset, at));
+  }
+  for (int i = 0; i < 200; ++i) {
+    world.step(kStep);
+    ASSERT_LT(motionOf(world, bodies).speed, 5) << i;
+  }
+}
+
 // A row whose neighbours overlap a little is one island: of twenty, and of so many that its vectors are shared as well;
 // or pairs apart, which are solved side by side.
 TEST(Touch, IsTheSameForAnyThreads) {

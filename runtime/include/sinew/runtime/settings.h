@@ -65,7 +65,8 @@ struct WorldSettings {
   /// `field.distances`). Touches are no part of a saved state: friction starts anew when it is restored.
   bool collisions = false;
   /// Time at rest after which a body falls asleep with all that it touches; asleep it costs nothing until something
-  /// touches, changes or moves it (docs/method.md §3). s, 0..1e4; 0: never.
+  /// touches, changes or moves it. Over this time it has moved by less than 1e-3 diagonals a second (docs/method.md
+  /// §3). s, 0..1e4; 0: never.
   float sleep_seconds = 0;
   /// Bound on the work of a step, 1..16: a piece takes at most twice as many iterations, fewer once it has settled.
   /// No stiffness: that does not depend on it (docs/method.md §3).
