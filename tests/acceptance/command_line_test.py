@@ -212,6 +212,57 @@ class CommandLine(unittest.TestCase):
         self.assertFalse(report["ok"])
         self.assertIn(wrong, [f["message"] for f in report["findings"] if f["severity"] == "error"])
 
+    def boxes(self, name, places, cells=8):
+        """Writes a file of boxes: {group: (low corner, size)}, each side in cells x cells faces."""
+        text, count = "", 0
+        for group, (low, size) in places.items():
+            text += f"g {group}\n"
+            for k in range(3):
+                for side in (0, 1):
+                    first, u, v = count + 1, (k + 1) % 3, (k + 2) % 3
+                    for j in range(cells + 1):
+                        for i in range(cells + 1):
+                            at = list(low)
+                            at[k] += side * size[k]
+                            at[u] += size[u] * i / cells
+                            at[v] += size[v] * j / cells
+                            text += "v %.9g %.9g %.9g\n" % tuple(at)
+                    for j in range(cells):
+                        for i in range(cells):
+                            a = first + j * (cells + 1) + i
+                            face = [a, a + 1, a + cells + 2, a + cells + 1]
+                            text += "f %d %d %d %d\n" % tuple(face if side else face[::-1])
+                    count += (cells + 1) ** 2
+        file = self.path / name
+        file.write_text(text)
+        return file
+
+    def findings(self, *arguments):
+        result = run("check", *arguments, "--json")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return {finding["id"]: finding for finding in json.loads(result.stdout)["findings"]}
+
+    def test_check_warns_of_what_bake_warns_of(self):
+        plate = self.boxes("plate.obj", {"plate": ((0, 0, 0), (1, 1, 0.01))})
+        result = run("bake", plate, "-o", self.path / "plate.sinew", "--json")
+        warned = [f for f in json.loads(result.stdout)["findings"] if f["severity"] == "warning"]
+        self.assertIn("tetrahedra-volume", [f["id"] for f in warned])
+        found = self.findings(plate)
+        for finding in warned:
+            self.assertEqual(found[finding["id"]]["message"], finding["message"])
+        listed = json.loads(run("check", plate, "--json").stdout)["findings"]
+        self.assertEqual(len({json.dumps(f) for f in listed}), len(listed))
+
+    def test_check_looks_at_what_the_recipe_has_filled(self):
+        head = self.boxes("head.obj", {"head": ((0, 0, 0), (1, 1, 1)), "eye": ((0.3, 0.3, 1.002), (0.4, 0.4, 0.3))})
+        self.assertIn("near-pieces", self.findings(head))
+        recipe = self.path / "head.json"
+        recipe.write_text(json.dumps({"sinew_recipe": 2, "source": "head.obj",
+                                      "parts": [{"name": "eye", "from": {"group": "eye"}, "attach": "rigid"}]}))
+        found = self.findings(recipe)
+        for gone in ("near-pieces", "several-pieces", "several-parts"):
+            self.assertNotIn(gone, found)
+
     def test_outputs_are_named_like_what_they_are(self):
         names = ("mine.glb", "other.OBJ", "a.ply", "a.stl", "a.off", "a.gltf", "a.fbx", "a.dae", "a.mesh", "skin.png", "skin.JPG")
         (self.path / "mine.glb").write_bytes(b"made by hand")

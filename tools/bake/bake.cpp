@@ -223,7 +223,6 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
                                   {"unit", left.change.unit}});
   }
   result.findings = content.findings;
-  result.of_filling = solid.findings.size();
   result.report = reportOf(recipe.settings, solid, placed, content, fields, result.package.size());
   result.report["left_out"] = left_out;
   progress.finish();
@@ -256,7 +255,6 @@ std::vector<Finding> rehearseBake(const Recipe& recipe, ImportedSource source, P
   try {
     BakeResult result = bakeSource(recipe, std::move(source), progress, cache, false, false);
     std::vector<Finding>& findings = result.findings;
-    findings.erase(findings.begin(), findings.begin() + std::ptrdiff_t(result.of_filling));
     std::erase_if(findings, [](const Finding& finding) { return finding.severity == Severity::info; });
     return findings;
   } catch (const ToolError& error) {

@@ -32,7 +32,6 @@ ImportedSource importSource(const Recipe& recipe, Progress& progress);
 struct BakeResult {
   std::vector<std::byte> package;  ///< the whole file, already opened and checked once
   std::vector<Finding> findings;   ///< the same as in the report
-  std::size_t of_filling = 0;      ///< so many of them, the first, are of the source and its tetrahedra
   nlohmann::ordered_json report;   ///< what was done, measured, found; without times (those are Progress's)
 };
 
@@ -46,8 +45,8 @@ struct BakeResult {
 BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nullptr, bool draft = false);
 
 /// Whether bake() makes a package: all of its stages but the fields, without which a package still stands. The cache
-/// keeps for the bake what it takes from there. \return the refusal as a finding of severity error, or what bake()
-/// warns of about clusters and pins. Throws ToolError where the machine fails.
+/// keeps for the bake what it takes from there. \return the refusal as a finding of severity error, or all that bake()
+/// warns of. Throws ToolError where the machine fails.
 std::vector<Finding> rehearseBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache);
 
 /// The report on the stages' cache.

@@ -35,7 +35,7 @@ constexpr double kThinPart = 0.1;
 class SourceCheck {
  public:
   SourceCheck(const VisualMesh& mesh, const Topology& topology, const CheckOptions& options)
-      : mesh_(mesh), topology_(topology), options_(options), findings_(mesh.findings) {
+      : mesh_(mesh), topology_(topology), options_(options) {
     // The smallest source vertex at each point stands for it.
     source_at_.assign(mesh.welded_positions.size(), formats::kNone);
     for (std::size_t v = 0; v < mesh.welded.size(); ++v) {
@@ -44,11 +44,16 @@ class SourceCheck {
     }
   }
 
-  std::vector<Finding> run() {
+  std::vector<Finding> ofFaces() {
+    findings_ = mesh_.findings;
     degenerateFaces();
     duplicateFaces();
     nonManifold();
     flipped();
+    return std::move(findings_);
+  }
+
+  std::vector<Finding> ofFilling() {
     selfIntersections();
     if (topology_.parts.empty()) {
       add("no-area", Severity::error, kNoArea, mesh_.source_face_count, kNoAreaCure);
@@ -329,8 +334,9 @@ class SourceCheck {
         for (const std::uint32_t point : *hole.rim) placePoint(f, point);
       }
     };
-    report(holes, "open-boundary", "hole", "holes",
-           "Fill the hole in the program that made the file; the bake closes it by the winding number.");
+    report(
+        holes, "open-boundary", "hole", "holes",
+        "Fill the hole in the program that made the file; the bake closes it by the winding number.");
     report(cracks, "cracks", "crack without width, where a vertex lies on another face's edge",
            "cracks without width, where vertices lie on other faces' edges",
            "Split the long edge at the vertex, or merge the vertex into the edge's end; the bake closes the crack.");
@@ -489,8 +495,24 @@ class SourceCheck {
 
 }  // namespace
 
+std::vector<Finding> checkFaces(const VisualMesh& mesh, const Topology& topology) {
+  return SourceCheck(mesh, topology, {}).ofFaces();
+}
+
+std::vector<Finding> checkFilling(const VisualMesh& host, const Topology& topology, const CheckOptions& options) {
+  return SourceCheck(host, topology, options).ofFilling();
+}
+
 std::vector<Finding> checkSource(const VisualMesh& mesh, const Topology& topology, const CheckOptions& options) {
-  return SourceCheck(mesh, topology, options).run();
+  std::vector<Finding> findings = checkFaces(mesh, topology);
+  appendNew(findings, checkFilling(mesh, topology, options));
+  return findings;
+}
+
+void appendNew(std::vector<Finding>& findings, const std::vector<Finding>& more) {
+  for (const Finding& f : more) {
+    if (std::find(findings.begin(), findings.end(), f) == findings.end()) findings.push_back(f);
+  }
 }
 
 bool hasErrors(const std::vector<Finding>& findings) {

@@ -17,12 +17,22 @@ struct CheckOptions {
   std::size_t self_intersection_limit = 100'000;
 };
 
-/// The doctor for a source: what import found, then holes, non-manifold edges and vertices, faces that cross, have no
-/// area or lie double, parts that enclose nothing, nearly touch or are thin. Places are numbers of the source, from 0.
-/// Severity error marks what makes a bake impossible; warnings what a bake works around or an artist did not mean.
+/// The doctor for all that is drawn of a source: what import found, then faces without area or that lie double,
+/// non-manifold and flipped edges. Places are numbers of the source, from 0.
 /// \param topology of this mesh.
+std::vector<Finding> checkFaces(const VisualMesh& mesh, const Topology& topology);
+
+/// The doctor for what a bake fills: faces that cross, holes, parts that enclose nothing, nearly touch or are thin.
+/// Severity error marks what makes a bake impossible; warnings what a bake works around or an artist did not mean.
+/// \param host the mesh without the parts that ride along (withoutParts()). \param topology of the host.
 /// Cost: about 3 s for 400,000 triangles on two threads. The same for any number of threads.
+std::vector<Finding> checkFilling(const VisualMesh& host, const Topology& topology, const CheckOptions& options = {});
+
+/// Both, of a source without parts that ride along.
 std::vector<Finding> checkSource(const VisualMesh& mesh, const Topology& topology, const CheckOptions& options = {});
+
+/// Appends those that are not among them.
+void appendNew(std::vector<Finding>& findings, const std::vector<Finding>& more);
 
 /// One line: "2 warnings: it can be baked".
 std::string sourceVerdict(const std::vector<Finding>& findings);

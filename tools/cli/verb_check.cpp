@@ -40,8 +40,7 @@ Diagnosis checkPackageFile(const CheckCommand& command) {
   }
   const auto asset = loadPackage(command.file);
   Diagnosis diagnosis{"package", checkPackage(asset->package()), ""};
-  const std::vector<Finding> unread = checkPictures(asset->package(), {});
-  diagnosis.findings.insert(diagnosis.findings.end(), unread.begin(), unread.end());
+  appendNew(diagnosis.findings, checkPictures(asset->package(), {}));
   diagnosis.verdict = packageVerdict(diagnosis.findings);
   return diagnosis;
 }
@@ -56,11 +55,14 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
   progress.stage("check");
   CheckOptions options;
   options.join_distance = recipe.settings.tetrahedra.join_distance;
-  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(source.mesh, source.topology, options),
-                      ""};
-  const auto append = [&](const std::vector<Finding>& more) {
-    diagnosis.findings.insert(diagnosis.findings.end(), more.begin(), more.end());
-  };
+  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkFaces(source.mesh, source.topology), ""};
+  const auto append = [&](const std::vector<Finding>& more) { appendNew(diagnosis.findings, more); };
+  if (source.parts.empty()) {
+    append(checkFilling(source.mesh, source.topology, options));
+  } else {
+    const VisualMesh host = withoutParts(source.mesh, source.parts);
+    append(checkFilling(host, analyzeTopology(host), options));
+  }
   append(source.findings);
   const std::vector<Finding> pins = judgePins(recipe, source.authored);
   if (recipe.settings.import.up == "auto") {

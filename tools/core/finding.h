@@ -21,6 +21,8 @@ struct Finding {
   std::string cure;                   ///< one sentence: what the artist, or a setting, can do
 
   static constexpr std::size_t kMaxPlaces = 64;
+
+  bool operator==(const Finding&) const = default;
 };
 
 }  // namespace sinew::tools
