@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 import time
 import unittest
+import zlib
 
 SINEW = None
 SPOT = None
@@ -262,6 +263,38 @@ class CommandLine(unittest.TestCase):
         found = self.findings(recipe)
         for gone in ("near-pieces", "several-pieces", "several-parts"):
             self.assertNotIn(gone, found)
+
+    def test_outputs_replace_only_what_sinew_wrote(self):
+        package, report, scene = self.bake(), self.path / "report.json", self.path / "scene.json"
+        scene.write_text('{"sinew_scene": 1}')
+        mine = {"mine.obj": "v 0 0 0\n", "mine.png": "a texture", "mine.mp4": "a film", "mine.json": '{"sinew_recipe": 2}', "mine.html": "a page"}
+        for name, text in mine.items():
+            (self.path / name).write_text(text)
+
+        def outputs(stem):
+            yield "obj", ("simulate", package, "--scene", "rest", "--seconds", "0.02", "--export", self.path / f"{stem}.obj")
+            yield "png", ("render", package, "-o", self.path / f"{stem}.png", "--scene", "rest", "--frames", "1", "--overlay", "none")
+            yield "png", ("check", SPOT, "--render", self.path / f"{stem}.png")
+            yield "mp4", ("render", package, "-o", self.path / f"{stem}.mp4", "--seconds", "0.1")
+            yield "json", ("bake", SPOT, "-o", package, "--quiet", "--report", self.path / f"{stem}.json")
+        for ending, call in outputs("mine"):
+            self.assert_refused(run(*call), 2, f"mine.{ending}", "not written by sinew", "Name another file")
+        self.assert_refused(run("study", "error", package, "--html", self.path / "mine.html"), 2, "mine.html", "not written by sinew")
+        for name, text in mine.items():
+            self.assertEqual((self.path / name).read_text(), text)
+        # What it wrote, and a file that holds nothing, it writes over.
+        (self.path / "new.obj").touch()
+        for ending, call in [*outputs("new"), *outputs("new")]:
+            result = run(*call)
+            self.assertEqual(result.returncode, 0, result.stderr)
+        png = (self.path / "new.png").read_bytes()
+        at, chunks = 8, []
+        while at < len(png):
+            length = int.from_bytes(png[at:at + 4], "big")
+            self.assertEqual(zlib.crc32(png[at + 4:at + 8 + length]), int.from_bytes(png[at + 8 + length:at + 12 + length], "big"))
+            chunks.append(png[at + 4:at + 8])
+            at += 12 + length
+        self.assertEqual((chunks[0], chunks[1], chunks[-1]), (b"IHDR", b"tEXt", b"IEND"))
 
     def test_outputs_are_named_like_what_they_are(self):
         names = ("mine.glb", "other.OBJ", "a.ply", "a.stl", "a.off", "a.gltf", "a.fbx", "a.dae", "a.mesh", "skin.png", "skin.JPG")

@@ -159,7 +159,7 @@ void runBake(const BakeCommand& command) {
   if (!command.needs.empty()) recipe.settings.package.needs = needsOf(command.needs).text();
   const std::optional<Budget> budget = budgetOf(command);
   requireOutput(Output::package, command.output, {command.input, recipe.source});
-  if (!command.cost_file.empty()) requireOutput(Output::report, command.cost_file, {command.input, recipe.source});
+  if (!command.cost_file.empty()) requireOutput(Output::times, command.cost_file, {command.input, recipe.source});
   if (!command.report_file.empty()) {
     requireOutput(Output::report, command.report_file, {command.input, recipe.source});
     const auto place = [](const std::string& file) {

@@ -276,7 +276,7 @@ void addError(CLI::App& study, int& exit_code) {
     if (from.empty()) {
       throw ToolError(ExitCode::usage, "", "there is nothing to play", "Give an input, or --list FILE.json.");
     }
-    if (!command->page.empty()) requireWritable(command->page, {from});
+    if (!command->page.empty()) requireOutput(Output::page, command->page, {from});
     command->options.target = command->target / 100;
     std::vector<ErrorEntry> entries;
     if (command->list.empty()) {

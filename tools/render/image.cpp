@@ -9,6 +9,7 @@
 
 #include "tools/core/atomic_file.h"
 #include "tools/core/read_file.h"
+#include "tools/import/output_files.h"
 #include "tools/import/textures.h"
 #include "tools/pictures/decode_picture.h"
 #include "tools/pictures/picture_files.h"
@@ -111,7 +112,9 @@ std::vector<std::uint8_t> encodedPng(const Image& image) {
 }
 
 void writePng(const Image& image, const std::filesystem::path& file) {
-  const std::vector<std::uint8_t> encoded = encodedPng(image);
+  std::vector<std::uint8_t> encoded = encodedPng(image);
+  constexpr std::ptrdiff_t kAfterHeader = 8 + 25;  // signature and IHDR
+  encoded.insert(encoded.begin() + kAfterHeader, kPictureMark.begin(), kPictureMark.end());
   writeFileAtomically(file, std::as_bytes(std::span(encoded)));
 }
 

@@ -7,6 +7,7 @@
 
 #include "tools/core/atomic_file.h"
 #include "tools/core/error.h"
+#include "tools/import/output_files.h"
 
 namespace sinew::tools {
 namespace {
@@ -222,7 +223,7 @@ void Document::savePackage(const fs::path& file) const {
   if (bake_.isDraft()) {
     throw ToolError(ExitCode::usage, file.string(), "what plays is a draft", "Wait until the whole bake is done.");
   }
-  requireWritable(file, {editor_.file(), recipe_.source});
+  requireOutput(Output::package, file, {editor_.file(), recipe_.source});
   writeFileAtomically(file, bytesOf(bake_.package()));
 }
 

@@ -7,13 +7,14 @@
 #include "tools/core/atomic_file.h"
 #include "tools/core/error.h"
 #include "tools/core/text.h"
+#include "tools/import/output_files.h"
 
 namespace sinew::tools {
 
 void Film::start(const FilmOptions& options, const std::string& file) {
   cancel();
   if (!file.ends_with(".mp4")) throw ToolError(ExitCode::usage, file, "is no name of a video", "Let it end in .mp4.");
-  requireWritable(file, {options.package});
+  requireOutput(Output::picture_or_video, file, {options.package});
   if (!folder_) folder_.emplace();
   // A link: the next bake removes the package of the one before.
   const std::filesystem::path linked = folder_->path() / "film.sinew", scene = folder_->path() / "film.json";

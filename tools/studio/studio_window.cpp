@@ -20,6 +20,7 @@
 #include "tools/author/recipe_values.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/text.h"
+#include "tools/import/output_files.h"
 #include "tools/render/front.h"
 #include "tools/scene/scene_text.h"
 #include "tools/studio/preferences.h"
@@ -295,7 +296,7 @@ void StudioWindow::saveScene() {
     return;
   }
   const auto save = [this](const std::string& file) {
-    requireWritable(file, {file_});
+    requireOutput(Output::scene, file, {file_});
     writeFileAtomically(file, sceneToSave());
     say("wrote " + file);
   };
