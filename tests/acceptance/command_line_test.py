@@ -264,6 +264,17 @@ class CommandLine(unittest.TestCase):
         for gone in ("near-pieces", "several-pieces", "several-parts"):
             self.assertNotIn(gone, found)
 
+    def test_without_a_display_it_says_how_to_go_on(self):
+        bare = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        package = self.bake()
+        self.assert_refused(run("view", self.path / "nope.sinew", env=bare), 3, "nope.sinew")
+        self.assert_refused(run("studio", self.path / "nope.sinew", env=bare), 3, "nope.sinew")
+        for verb in ("view", "studio"):
+            self.assert_refused(run(verb, package, env=bare), 4, "no display", f"sinew render {package} -o picture.png", "ssh -X")
+        recipe = self.path / "cow.json"
+        recipe.write_text(json.dumps({"sinew_recipe": 2, "source": os.path.relpath(SPOT, self.path), "project": os.path.relpath("/", self.path)}))
+        self.assert_refused(run("studio", recipe, env=bare), 4, f"sinew bake {recipe} -o OUT.sinew && sinew render OUT.sinew")
+
     def test_outputs_replace_only_what_sinew_wrote(self):
         package, report, scene = self.bake(), self.path / "report.json", self.path / "scene.json"
         scene.write_text('{"sinew_scene": 1}')

@@ -25,7 +25,6 @@ void addStudioVerb(CLI::App& app, int& exit_code) {
   verb->callback([command, &exit_code] {
     const ViewOptions& view = command->options.view;
     if (!view.screenshot.empty()) requireOutput(Output::picture, view.screenshot, {command->file});
-    if (command->file.ends_with(".sinew")) requireDisplay(command->file);
     runStudioWindow(openForWindow(command->file, command->recipe), command->options);
     exit_code = static_cast<int>(ExitCode::done);
   });

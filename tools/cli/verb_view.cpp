@@ -31,7 +31,6 @@ void addViewVerb(CLI::App& app, int& exit_code) {
     ViewOptions& view = command->options.view;
     view.solver = solverNamed(command->solver);
     if (!view.screenshot.empty()) requireOutput(Output::picture, view.screenshot, {command->package});
-    requireDisplay(command->package);
     Opened opened = openForWindow(command->package);
     if (!command->scene.empty()) opened.scene = SceneChoice::byName(command->scene);
     view.others = loadOthers(command->others, {&opened.scene, 1});

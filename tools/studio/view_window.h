@@ -38,12 +38,9 @@ struct StudioOptions {
   std::function<Opened(const std::string&)> open;
 };
 
-/// Throws ToolError(system) that names `sinew render` where there is no display to open a window on.
-void requireDisplay(const std::string& package);
-
 /// Opens the window on a package, to be looked at, or on a recipe, and returns when it is closed. Throws
-/// ToolError(system) where the window or OpenGL 3.3 cannot be had, (bad_input) for what is wrong with the file or the
-/// replay.
+/// ToolError(system) that says how to go on where the window or OpenGL 3.3 cannot be had, (bad_input) for what is wrong
+/// with the file or the replay.
 void runStudioWindow(const Opened& opened, const StudioOptions& options);
 
 }  // namespace sinew::tools
