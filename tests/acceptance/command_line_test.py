@@ -264,6 +264,14 @@ class CommandLine(unittest.TestCase):
         for gone in ("near-pieces", "several-pieces", "several-parts"):
             self.assertNotIn(gone, found)
 
+    def test_mistyped_options_name_the_one_that_was_meant(self):
+        for words, meant in ((["bake", SPOT, "--o", "out"], "-o,--output"), (["bake", SPOT, "--out=x"], "-o,--output"),
+                             (["bake", SPOT, "-o", "x.sinew", "--treads", "2"], "--threads"),
+                             (["simulate", "x.sinew", "--iteration", "2"], "--iterations")):
+            self.assert_refused(run(*words), 2, f"no option '{[w for w in map(str, words) if w.startswith('--')][0].split('=')[0]}'",
+                                f"Did you mean {meant}?", f"sinew {words[0]} --help")
+        self.assert_refused(run("bake", SPOT), 2, "required")
+
     def test_without_a_display_it_says_how_to_go_on(self):
         bare = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         package = self.bake()

@@ -66,6 +66,7 @@ TEST(Names, NearestPatternAndSide) {
   const std::vector<std::string> names = {"lip_upper", "lip_lower", "jaw"};
   EXPECT_EQ(nearestName("lip_uper", names), "lip_upper");
   EXPECT_EQ(nearestName("x", {}), "");
+  EXPECT_EQ(nearestName("out", std::vector<std::string>{"set", "output"}), "output");
   EXPECT_TRUE(matchesPattern("lip_upper", "lip_*"));
   EXPECT_TRUE(matchesPattern("lip_upper", "*p*p*r"));
   EXPECT_TRUE(matchesPattern("", "*"));

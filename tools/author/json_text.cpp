@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <iterator>
 #include <set>
+#include <utility>
 
 #include "tools/core/error.h"
 #include "tools/core/read_file.h"
@@ -228,9 +229,11 @@ Eigen::Vector3d pointOf(const nlohmann::ordered_json& json) {
 
 std::string nearestName(std::string_view wanted, std::span<const std::string> names) {
   if (names.empty()) return {};
-  return *std::min_element(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
-    return lettersChanged(a, wanted) < lettersChanged(b, wanted);
-  });
+  const auto distance = [&](const std::string& name) {
+    return std::pair(!name.starts_with(wanted), lettersChanged(name, wanted));
+  };
+  return *std::min_element(names.begin(), names.end(),
+                           [&](const std::string& a, const std::string& b) { return distance(a) < distance(b); });
 }
 
 }  // namespace sinew::tools

@@ -60,8 +60,8 @@ nlohmann::ordered_json jsonOf(const Eigen::Vector3d& point);
 /// Of an array of three numbers.
 Eigen::Vector3d pointOf(const nlohmann::ordered_json& json);
 
-/// Of `names` the one that is nearest to `wanted` (fewest letters changed), or empty where there are none. Ties: the
-/// first.
+/// Of `names` the one that is nearest to `wanted`: of those that begin with it, else of all, the one with the fewest
+/// letters changed. Ties: the first. Empty where there are none.
 std::string nearestName(std::string_view wanted, std::span<const std::string> names);
 
 }  // namespace sinew::tools

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstdio>
 #include <exception>
 #include <iostream>
@@ -25,6 +26,35 @@ int fail(const std::string& line, ExitCode code) {
   for (char c : line) clean += static_cast<unsigned char>(c) < 32 || c == 127 ? ' ' : c;
   std::cerr << "sinew: " << clean << "\n";
   return int(code);
+}
+
+// What to write for an option that none of the verbs on the command line has; nothing where each is known.
+std::string unknownOption(const CLI::App& app) {
+  std::string verbs;
+  std::vector<std::string> names;  // without dashes
+  std::vector<const CLI::Option*> options;
+  for (const CLI::App* at = &app; at != nullptr;) {
+    verbs += (verbs.empty() ? "" : " ") + at->get_name();
+    for (const CLI::Option* option : at->get_options()) {
+      for (const auto* const list : {&option->get_snames(), &option->get_lnames()}) {
+        names.insert(names.end(), list->begin(), list->end());
+        options.resize(names.size(), option);
+      }
+    }
+    const std::vector<const CLI::App*> chosen =
+        at->get_subcommands([](const CLI::App* verb) { return verb->parsed(); });
+    at = chosen.empty() ? nullptr : chosen.front();
+  }
+  for (const std::string& word : app.remaining(true)) {
+    const std::size_t first = word.find_first_not_of('-');
+    if (first == 0 || first == std::string::npos || !std::isalpha(static_cast<unsigned char>(word[first]))) continue;
+    const std::string name = word.substr(first, word.find('=') - first);
+    const std::string nearest = nearestName(name, names);
+    const auto at = std::size_t(std::find(names.begin(), names.end(), nearest) - names.begin());
+    return "there is no option '" + word.substr(0, word.find('=')) + "'. Did you mean " +
+           options[at]->get_name(false, true) + "? All options: " + verbs + " --help.";
+  }
+  return {};
 }
 
 int runVerb(int argument_count, char** arguments, std::initializer_list<AddVerb*> verbs) {
@@ -52,7 +82,8 @@ int runVerb(int argument_count, char** arguments, std::initializer_list<AddVerb*
       app.exit(error);
       return int(ExitCode::done);
     }
-    return fail(std::string(error.what()) + ". Try: sinew --help", ExitCode::usage);
+    const std::string unknown = unknownOption(app);
+    return fail(unknown.empty() ? std::string(error.what()) + ". Try: sinew --help" : unknown, ExitCode::usage);
   } catch (const ToolError& error) {
     return fail(error.what(), error.code());
   } catch (const std::bad_alloc&) {
