@@ -283,6 +283,22 @@ class CommandLine(unittest.TestCase):
         recipe.write_text(json.dumps({"sinew_recipe": 2, "source": os.path.relpath(SPOT, self.path), "project": os.path.relpath("/", self.path)}))
         self.assert_refused(run("studio", recipe, env=bare), 4, f"sinew bake {recipe} -o OUT.sinew && sinew render OUT.sinew")
 
+    def test_a_picture_names_all_packages(self):
+        mesh = self.boxes("box.obj", {"box": ((0, 0, 0), (1, 1, 1))}, 2)
+        packages = []
+        for name in ("one", "two"):
+            (self.path / f"{name}.obj").write_bytes(mesh.read_bytes())
+            packages.append(self.path / f"{name}.sinew")
+            arguments = ("--set", "tetrahedra.vertices=60", "--quiet")
+            self.assertEqual(run("bake", self.path / f"{name}.obj", "-o", packages[-1], *arguments).returncode, 0)
+        pictures = []
+        for other in packages:
+            picture = self.path / "sheet.png"
+            result = run("render", packages[0], other, "-o", picture, "--scene", "stack", "--frames", "2", "--seconds", "0.1", "--overlay", "none")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            pictures.append(picture.read_bytes())
+        self.assertTrue(pictures[0] != pictures[1])
+
     def test_outputs_replace_only_what_sinew_wrote(self):
         package, report, scene = self.bake(), self.path / "report.json", self.path / "scene.json"
         scene.write_text('{"sinew_scene": 1}')

@@ -123,6 +123,11 @@ PictureOptions pictureOptions(const RenderCommand& command) {
   return options;
 }
 
+std::string nameOf(const Asset& asset, const std::string& file) {
+  const std::string name(asset.package().text(asset.package().info().name));
+  return name.empty() ? std::filesystem::path(file).stem().string() : name;
+}
+
 void renderPackage(const RenderCommand& command, bool video) {
   PictureOptions options = pictureOptions(command);
   if (video && options.scenes.size() > 1) {
@@ -142,8 +147,10 @@ void renderPackage(const RenderCommand& command, bool video) {
     throw ToolError(ExitCode::bad_input, command.input, "the package has no visual mesh to draw",
                     "Bake it from a source with faces.");
   }
-  std::string title(asset->package().text(asset->package().info().name));
-  if (title.empty()) title = std::filesystem::path(command.input).stem().string();
+  std::string title = nameOf(*asset, command.input);
+  for (std::size_t i = 0; i < options.others.size(); ++i) {
+    title += ", " + nameOf(*options.others[i], command.others[i]);
+  }
   Progress progress(!command.progress_lines);
   if (command.progress_lines) tellLines(progress);
   progress.stage("draw");

@@ -43,11 +43,20 @@ std::string grouped(std::size_t number) {
   return digits;
 }
 
-std::string counts(const formats::PackageView& package) {
-  return grouped(package.visualTriangles().size()) + " triangles, " + grouped(package.visualPositions().size()) +
-         " vertices  ·  " + grouped(package.physicalVertices().size()) + " physical vertices, " +
-         grouped(package.tetrahedra().size()) + " tetrahedra  ·  " + grouped(package.clusters().size()) +
-         (package.clusters().size() == 1 ? " cluster" : " clusters");
+// Of all packages together.
+std::string counts(const formats::PackageView& first, const std::vector<std::shared_ptr<const Asset>>& others) {
+  const auto sum = [&](const auto& of) {
+    std::size_t all = of(first).size();
+    for (const auto& other : others) all += of(other->package()).size();
+    return all;
+  };
+  using View = formats::PackageView;
+  const std::size_t clusters = sum([](const View& p) { return p.clusters(); });
+  return grouped(sum([](const View& p) { return p.visualTriangles(); })) + " triangles, " +
+         grouped(sum([](const View& p) { return p.visualPositions(); })) + " vertices  ·  " +
+         grouped(sum([](const View& p) { return p.physicalVertices(); })) + " physical vertices, " +
+         grouped(sum([](const View& p) { return p.tetrahedra(); })) + " tetrahedra  ·  " + grouped(clusters) +
+         (clusters == 1 ? " cluster" : " clusters");
 }
 
 void addToHull(MotionHull& hull, const Shape& shape) {
@@ -418,7 +427,7 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
               kPaper);
   const float room = static_cast<float>(sheet.width - 2 * kMargin);
   drawText(sheet, kMargin, kMargin - 4, 30, kInk, fitText(title, 30, room));
-  drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
+  drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package(), options.others), 17, room));
 
   std::optional<Renderer> renderer;
   Shape drawn;
