@@ -3,6 +3,7 @@
 // The C interface over world.h. Nothing is decided here.
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <functional>
 #include <memory_resource>
@@ -120,6 +121,15 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.air_density = s.air_density;
 }
 
+// SINEW_OK where each value is in its range.
+sinew_status faultOf(const char* call, const sinew::WorldSettings& settings) {
+  const char* const value = sinew::internal::faultyValue(settings);
+  if (value == nullptr) return SINEW_OK;
+  char text[128];
+  std::snprintf(text, sizeof text, "%s: %s is out of range", call, value);
+  return tellFailure(SINEW_ERROR_ARGUMENT, text);
+}
+
 }  // namespace
 
 struct sinew_thread_pool {
@@ -175,6 +185,7 @@ sinew_status sinew_world_create(const sinew_world_settings* settings, const sine
     }
     sinew::WorldSettings world_settings;
     toCpp(readStruct(settings, fromCpp(world_settings)), world_settings);
+    if (const sinew_status status = faultOf("sinew_world_create", world_settings)) return status;
     CallerMemory first(given);
     std::pmr::memory_resource* heap = std::pmr::new_delete_resource();
     std::pmr::memory_resource* home = given.allocate != nullptr ? &first : heap;
@@ -211,9 +222,15 @@ void sinew_world_destroy(sinew_world* world) {
 }
 
 sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings) {
-  return onWorld("sinew_world_set_settings", world, isFilled(settings), [&](sinew::World& w) {
-    const WorldAccess::Presence presence(WorldAccess::of(w), "sinew_world_set_settings", WorldAccess::As::changes);
-    if (presence) toCpp(readStruct(settings, fromCpp(w.settings())), w.settings());
+  constexpr const char* kCall = "sinew_world_set_settings";
+  return onWorld(kCall, world, isFilled(settings), [&](sinew::World& w) {
+    const WorldAccess::Presence presence(WorldAccess::of(w), kCall, WorldAccess::As::changes);
+    if (!presence) return SINEW_OK;  // the log, and so onWorld(), knows of it
+    sinew::WorldSettings given = w.settings();
+    toCpp(readStruct(settings, fromCpp(given)), given);
+    const sinew_status status = faultOf(kCall, given);
+    if (status == SINEW_OK) w.settings() = given;
+    return status;
   });
 }
 

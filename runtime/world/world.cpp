@@ -267,6 +267,9 @@ World::World(const WorldSettings& settings, JobSystem* jobs)
     : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
 Result<World> World::create(const WorldSettings& settings, const WorldResources& resources) noexcept {
   try {
+    if (const char* value = internal::faultyValue(settings)) {
+      return Error{std::string("create: WorldSettings::") + value + " is out of range"};
+    }
     return World(settings, resources);
   } catch (...) {
     return Error{"out of memory"};  // short enough to lie in the string itself
@@ -278,6 +281,8 @@ World& World::operator=(World&&) noexcept = default;
 
 WorldSettings& World::settings() { return impl_->settings; }
 const WorldSettings& World::settings() const { return impl_->settings; }
+
+const char* internal::faultyValue(const WorldSettings& settings) { return checked(settings).name; }
 
 const char* internal::faultOf(const BodySettings& settings) {
   if (!(settings.friction <= 1e4F)) return "BodySettings::friction must be at most 1e4";

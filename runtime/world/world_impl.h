@@ -31,6 +31,8 @@ bool isProper(const RigidTransform& transform);
 const char* faultOfState(std::span<const std::byte> bytes, const Body& body);
 /// Why settings that may change are refused; null if they are not.
 const char* faultOf(const BodySettings& settings);
+/// The first value of a world's settings that is out of its range; null where none is.
+const char* faultyValue(const WorldSettings& settings);
 }  // namespace internal
 
 struct SINEW_HIDDEN World::Impl {

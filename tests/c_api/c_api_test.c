@@ -238,6 +238,22 @@ static void testMotion(const sinew_asset* asset) {
   settings.struct_size = sizeof settings;
   CHECK_OK(sinew_world_get_settings(world, &settings));
   CHECK(settings.gravity[1] == -5 && settings.ground_enabled == 1);
+  {
+    /* What the world would not compute with is refused, and changes nothing. */
+    float* const values[] = {&settings.gravity[0], &settings.damping, &settings.substep_seconds,
+                             &settings.ground_offset};
+    for (i = 0; i < sizeof values / sizeof *values; ++i) {
+      const float sound = *values[i];
+      sinew_world* refused = NULL;
+      *values[i] = nanf("");
+      CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_set_settings(world, &settings));
+      CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_create(&settings, NULL, &refused));
+      CHECK(refused == NULL);
+      *values[i] = sound;
+    }
+    CHECK_OK(sinew_world_get_settings(world, &settings));
+    CHECK(settings.gravity[1] == -5 && settings.damping >= 0);
+  }
 
   CHECK_OK(sinew_body_positions(world, body, &x, &count));
   CHECK(count == info.physical_vertices);

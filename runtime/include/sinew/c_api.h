@@ -160,7 +160,8 @@ typedef struct sinew_world_settings {
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
 
-/* options may be null. */
+/* options may be null. Settings of which a value is out of its range, or no number, are SINEW_ERROR_ARGUMENT, and a
+   world keeps those it has. */
 SINEW_API sinew_status sinew_world_create(const sinew_world_settings* settings, const sinew_world_options* options,
                                           sinew_world** world);
 SINEW_API void sinew_world_destroy(sinew_world* world);
@@ -197,7 +198,7 @@ typedef struct sinew_body_settings {
   float gravity_scale;        /* times the world's gravity, -1e4..1e4; 1 */
   float drag;                 /* of the air, by area of surface, 0..1e4: see sinew::BodySettings; 0 */
   uint32_t self_contact;      /* 1: its surface touches itself: see sinew::BodySettings; 0 */
-  uint32_t level;             /* of detail, at most sinew_asset_info.levels - 1: see sinew::BodySettings; 0 */
+  uint32_t level; /* of detail, see sinew::BodySettings; sinew_asset_info.levels - 1 or more: its coarsest; 0 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);

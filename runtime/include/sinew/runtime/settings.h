@@ -110,9 +110,9 @@ struct BodySettings {
   /// How much the air drags at each part of the surface: force -1/2 density drag area |u| u, u the velocity against the
   /// wind, N (docs/method.md). A ball of drag coefficient c has c / 4. 0..1e4; 0: not at all. Bodies in fields only.
   float drag = 0;
-  /// Level of detail: how often the functions of its package are halved (field.levels of the bake), at most as often as
-  /// the package has it. Another one holds from the next step on, of what sleeps from when it wakes; what it takes of
-  /// the shape is drawn on for 0.3 s, less and less. Bodies in fields only.
+  /// Level of detail: how often the functions of its package are halved (field.levels of the bake); more than the
+  /// package has is its coarsest. Another one holds from the next step on, of what sleeps from when it wakes; what it
+  /// takes of the shape is drawn on for 0.3 s, less and less. Bodies in fields only.
   std::uint32_t level = 0;
   bool package_pins = true;  ///< the body starts held by the pin sets of its package (World::pinSet)
   /// Solver of the body; null: one energy for each piece (docs/method.md). The other one is reportSolver() of

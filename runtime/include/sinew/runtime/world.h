@@ -117,7 +117,7 @@ struct BodyOutput {
 /// between, or more touches than before (WorldSettings::collisions).
 class SINEW_API World {
  public:
-  /// A world without bodies, or "out of memory". Never throws.
+  /// A world without bodies, or why there is none: a value of the settings out of its range, no memory. Never throws.
   static Result<World> create(const WorldSettings& settings, const WorldResources& resources) noexcept;
   /// The same for programs that use exceptions: std::bad_alloc where memory runs out.
   explicit World(const WorldSettings& settings = {}, JobSystem* jobs = nullptr);
