@@ -264,6 +264,19 @@ class CommandLine(unittest.TestCase):
         for gone in ("near-pieces", "several-pieces", "several-parts"):
             self.assertNotIn(gone, found)
 
+    def test_an_open_garment_may_be_a_shell(self):
+        shirt = self.path / "shirt.obj"
+        ring = [(math.cos(2 * math.pi * i / 40), math.sin(2 * math.pi * i / 40)) for i in range(40)]
+        shirt.write_text("".join("v %g %g %g\n" % (0.3 * x, 0.015 * j, 0.3 * z) for j in range(21) for x, z in ring) +
+                         "".join("f %d %d %d %d\n" % (40 * j + i + 1, 40 * j + i + 41, 40 * j + (i + 1) % 40 + 41, 40 * j + (i + 1) % 40 + 1)
+                                 for j in range(20) for i in range(40)))
+        out = self.path / "x.sinew"
+        self.assertIn("tetrahedra.method=shell", self.findings(shirt)["open-boundary"]["cure"])
+        few = ("--set", "tetrahedra.vertices=600", "--quiet")
+        refused = run("bake", shirt, "-o", out, *few, "--set", "tetrahedra.method=delaunay")
+        self.assert_refused(refused, 3, "delaunay cannot fill", "tetrahedra.method=shell")
+        self.assertEqual(run("bake", shirt, "-o", out, *few, "--set", "tetrahedra.method=shell").returncode, 0)
+
     def test_mistyped_options_name_the_one_that_was_meant(self):
         for words, meant in ((["bake", SPOT, "--o", "out"], "-o,--output"), (["bake", SPOT, "--out=x"], "-o,--output"),
                              (["bake", SPOT, "-o", "x.sinew", "--treads", "2"], "--threads"),

@@ -336,7 +336,8 @@ class SourceCheck {
     };
     report(
         holes, "open-boundary", "hole", "holes",
-        "Fill the hole in the program that made the file; the bake closes it by the winding number.");
+        "Fill the hole in the program that made the file, else the bake closes it by the winding number; for an open "
+        "garment set tetrahedra.method=shell.");
     report(cracks, "cracks", "crack without width, where a vertex lies on another face's edge",
            "cracks without width, where vertices lie on other faces' edges",
            "Split the long edge at the vertex, or merge the vertex into the edge's end; the bake closes the crack.");

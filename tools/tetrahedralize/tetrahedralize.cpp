@@ -131,6 +131,12 @@ std::string pointText(const SolidPiece& piece, std::uint32_t triangle) {
   return "(" + text("%.4g", middle.x()) + ", " + text("%.4g", middle.y()) + ", " + text("%.4g", middle.z()) + ")";
 }
 
+// Cure of a piece that a method cannot fill: what has no volume need not be filled.
+std::string otherMethod(const SolidPiece& piece, const char* methods, const char* other) {
+  const char* const shell = piece.balanced ? "" : ", tetrahedra.method=shell for an open garment or sheet";
+  return std::string("Set tetrahedra.method=") + methods + shell + ", or " + other + ".";
+}
+
 double volumeRatio(const SolidPiece& piece, const FilledPiece& filled) {
   return piece.volume > 0 ? filled.volume / piece.volume : 1;
 }
@@ -226,7 +232,7 @@ Choice fillPiece(const SolidPiece& piece, const TetrahedraOptions& options, Tetr
     if (!outcome.only_angles) {
       throw ToolError(ExitCode::bad_input, file,
                       "delaunay cannot fill piece '" + piece.title + "' (" + outcome.reason + ")",
-                      "Set tetrahedra.method=auto, or repair what sinew check reports.");
+                      otherMethod(piece, "auto", "repair what sinew check reports"));
     }
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
                 piece.title + " (" + outcome.reason + ")",
@@ -267,7 +273,7 @@ Choice fillPiece(const SolidPiece& piece, const TetrahedraOptions& options, Tetr
   }
   if (choice.filled.mesh.tetrahedra.empty()) {
     throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of piece '" + piece.title + "' (" + fault + ")",
-                    "Set tetrahedra.method=grid, or raise tetrahedra.vertices.");
+                    otherMethod(piece, "grid", "raise tetrahedra.vertices"));
   }
   if (!fault.empty()) {
     remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", piece.title + " (" + fault + ")",
