@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/author/sheet.h"
 #include "tools/author/needs.h"
+#include "tools/author/selection.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -93,6 +95,24 @@ TEST_F(RecipeFile, FaultsNameThePlace) {
       std::string::npos);
   EXPECT_NE(errorOf(""), "");
   EXPECT_NE(errorOf("[]"), "");
+}
+
+// Bones of two skeletons have one name; a third has a name of its own.
+TEST_F(RecipeFile, BonesOfOneNameAreSaidToBeOne) {
+  VisualMesh mesh = flat(2);
+  mesh.joints = {"hand", "tip", "hand"};
+  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) mesh.skin.push_back({{v % 3, 1.0F}});
+  const Topology topology = analyzeTopology(mesh);
+  const Recipe recipe = readRecipe(write(R"({"sinew_recipe": 2, "source": "cow.obj"})"));
+  std::vector<Finding> findings;
+  Selections selections(recipe, mesh, topology, {}, findings);
+  selections.evaluate({nlohmann::ordered_json::parse(R"({"bone": "tip"})"), "/pins/0/from"});
+  EXPECT_TRUE(findings.empty());
+  selections.evaluate({nlohmann::ordered_json::parse(R"({"bone": "hand"})"), "/pins/0/from"});
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].id, "bones-of-one-name");
+  EXPECT_EQ(findings[0].count, 2U);
+  EXPECT_NE(findings[0].cure.find(R"({"and":[{"bone":"hand"},{"object":"NAME"}]})"), std::string::npos);
 }
 
 }  // namespace

@@ -89,9 +89,28 @@ VisualWeights part(const SelectionSource& source, const Place& place) {
   return source.joined(weights);
 }
 
+// Skins of several skeletons may have bones of one name, which a selection cannot tell apart.
+void sayOneName(const SelectionSource& source, const Place& place, const std::set<std::uint32_t>& joints) {
+  std::map<std::string, std::size_t> bones;
+  for (const std::uint32_t j : joints) ++bones[source.mesh.joints[j]];
+  for (const auto& [name, count] : bones) {
+    if (count == 1) continue;
+    source.findings.push_back({"bones-of-one-name",
+                               Severity::warning,
+                               std::to_string(count) + " bones are named '" + name + "': all are taken as one",
+                               count,
+                               "",
+                               {},
+                               place.pointer,
+                               "Rename them in the program that made the file, or take one object's: " +
+                                   Json({{"and", {{{"bone", name}}, {{"object", "NAME"}}}}}).dump() + "."});
+  }
+}
+
 VisualWeights bone(const SelectionSource& source, const Place& place) {
   std::set<std::uint32_t> joints;
   for (const std::size_t j : source.matching(place, source.mesh.joints, "bone")) joints.insert(std::uint32_t(j));
+  sayOneName(source, place, joints);
   if (place.get("children").get<bool>()) {
     std::map<std::string, std::string> parent;
     for (const NodeSource& node : source.mesh.nodes) parent.emplace(node.name, node.parent);
