@@ -277,6 +277,16 @@ class CommandLine(unittest.TestCase):
         self.assert_refused(refused, 3, "delaunay cannot fill", "tetrahedra.method=shell")
         self.assertEqual(run("bake", shirt, "-o", out, *few, "--set", "tetrahedra.method=shell").returncode, 0)
 
+    def test_what_is_too_small_for_fields_exits_3(self):
+        box = self.boxes("box.obj", {"box": ((0, 0, 0), (2, 2, 2))}, 2)
+        for unit, code in (("1e-9", 3), ("1e-6", 0)):
+            arguments = ("--set", f"import.unit={unit}", "--set", "tetrahedra.vertices=60")
+            baked = run("bake", box, "-o", self.path / "x.sinew", "--quiet", *arguments)
+            checked = run("check", box, *arguments)
+            self.assertEqual(baked.returncode, code, baked.stderr)
+            self.assertEqual(checked.returncode, 1 if code else 0, checked.stdout)
+        self.assert_refused(run("bake", box, "-o", self.path / "y.sinew", "--unit", "1e-9"), 3, "too small", "--unit")
+
     def test_mistyped_options_name_the_one_that_was_meant(self):
         for words, meant in ((["bake", SPOT, "--o", "out"], "-o,--output"), (["bake", SPOT, "--out=x"], "-o,--output"),
                              (["bake", SPOT, "-o", "x.sinew", "--treads", "2"], "--threads"),

@@ -14,6 +14,7 @@
 #include "tools/bake/moments.h"
 #include "tools/bake/stages.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -66,6 +67,30 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
                     "Give the unit it was made in (--unit), or another material.density.");
   }
   return vertices;
+}
+
+// The first function of a field is X / sqrt(J), J = sum m X^2 about the middle, where it is longest: orthonormal in the
+// masses. What changes by more than kMostNumber a metre has no square in floats.
+void refuseTinyPieces(const PhysicalMesh& mesh, const std::vector<formats::PhysicalVertex>& vertices,
+                      const std::string& file) {
+  for (const PhysicalPiece& piece : mesh.pieces) {
+    double mass = 0;
+    Eigen::Array3d first = Eigen::Array3d::Zero(), second = first;
+    const Vector3d& from = mesh.positions[piece.first_vertex];
+    for (std::uint32_t v = piece.first_vertex; v < piece.first_vertex + piece.vertex_count; ++v) {
+      const double m = double(vertices[v].mass);
+      const Eigen::Array3d x = mesh.positions[v] - from;
+      mass += m;
+      first += m * x;
+      second += m * x * x;
+    }
+    const double longest = (second - first * first / mass).maxCoeff();
+    if (std::sqrt(longest) * double(formats::kMostNumber) >= 1) continue;
+    throw ToolError(ExitCode::bad_input, file,
+                    "piece '" + piece.name + "' is too small to compute with: " +
+                        lengthText(std::sqrt(longest / mass)) + " from its middle on average",
+                    "Give the unit it was made in (--unit); field.functions=0 bakes it for --solver report alone.");
+  }
 }
 
 formats::ClusterMechanics mechanicsOf(const ClusterOptions& options, bool sheet) {
@@ -294,6 +319,7 @@ Content contentOf(const Recipe& recipe, const Solid& solid, const Placed& placed
   Content result{{}, clustered.findings};
   formats::PackageContent& content = result.package;
   content.physical_vertices = physicalVertices(placed.physical, clusters, settings.material.density, mesh.file);
+  if (settings.field.functions > 0) refuseTinyPieces(placed.physical, content.physical_vertices, mesh.file);
   for (const auto& tetrahedron : placed.physical.tetrahedra) content.tetrahedra.push_back({tetrahedron});
   ClusterConstants constants =
       clusterConstants(clusters, content.physical_vertices, settings.clusters, result.findings);

@@ -86,11 +86,10 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
 
 void addCheckVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<CheckCommand>();
-  CLI::App* verb =
-      app.add_subcommand("check",
-                         "Doctor for a source, a recipe or a package: what is wrong, where (numbers count "
-                         "from 0), and the cure; what of a source or recipe it passes, bakes. Fields are "
-                         "not looked at: bake says where a body is too small or thin for them (no-fields)");
+  CLI::App* verb = app.add_subcommand("check",
+                                      "Doctor for a source, a recipe or a package: what is wrong, where (numbers count "
+                                      "from 0), and the cure; what of a source or recipe it passes, bakes. Fields are "
+                                      "not looked at: bake says where a body is too thin for them (no-fields)");
   verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE, for a source or recipe")
       ->type_name("KEY=VALUE");
