@@ -131,6 +131,15 @@ class Fit(unittest.TestCase):
         self.assertLess(second["chosen"]["functions"], first["chosen"]["functions"])
         self.assertNotEqual(kept, self.package.read_bytes())
 
+    def test_meshes_get_coarser_until_one_fits(self):
+        few = ["--needs", "none", "--set", "field.functions=8", "--set"]
+        coarse, fine = (self.bake(*few, f"tetrahedra.vertices={count}") for count in (20, 80))
+        self.assertLess(coarse["package_bytes"], fine["package_bytes"])
+        budget = (coarse["package_bytes"] + fine["package_bytes"]) // 2
+        report = self.bake("--needs", "none", "--budget-bytes", budget)
+        self.assertLessEqual(report["package_bytes"], budget)
+        self.assertLess(report["physical_vertices"], fine["physical_vertices"])
+
     def test_what_cannot_be_is_refused_with_figures(self):
         code, message = self.refusal("--max-error", "10%", "--budget-bytes", "50k")
         self.assertEqual(code, 3)

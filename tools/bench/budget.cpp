@@ -6,6 +6,7 @@
 #include <cinttypes>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -37,9 +38,6 @@ constexpr double kSurelyMore = 3, kForever = 1e300;
 constexpr double kFarOver = 2;
 // A time this near to its budget is not searched further.
 constexpr double kNear = 0.9;
-// Halvings of the tetrahedra's vertices, and the fewest.
-constexpr unsigned kMostHalvings = 4;
-constexpr std::uint32_t kFewestVertices = 60;
 
 std::optional<double> leadingNumber(std::string_view text, std::string_view& unit) {
   double value = 0;
@@ -265,12 +263,15 @@ BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::f
   std::optional<BudgetResult> best;
   std::string missed;  // how near it came
   Recipe trial = recipe;
-  for (unsigned halving = 0; halving <= kMostHalvings; ++halving) {
+  // Half as many vertices each time, until the mesh gets no coarser.
+  for (std::uint32_t vertices = std::numeric_limits<std::uint32_t>::max();;) {
+    const bool first = vertices == std::numeric_limits<std::uint32_t>::max();
     Search search(trial, budget, known, cache, yardstick);
-    std::uint32_t vertices = 0;
     try {
-      if (halving == 0) search.setYardstick();
-      vertices = search.tried(kLadder.front()).vertices;
+      if (first) search.setYardstick();
+      const std::uint32_t made_vertices = search.tried(kLadder.front()).vertices;
+      if (made_vertices >= vertices) break;
+      vertices = made_vertices;
       if (best && !budget.bytes && search.tried(best->chosen.functions).error > kWorth * best->chosen.error) break;
       const std::optional<std::uint32_t> functions = budget.error ? search.fewest() : search.most();
       if (!functions && budget.error) {
@@ -289,10 +290,9 @@ BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::f
         if (!yardstick) break;  // meshes are compared by what hangs on their tetrahedra
       }
     } catch (const ToolError&) {
-      if (halving == 0) throw;
+      if (first) throw;
       break;  // no mesh of so few vertices
     }
-    if (vertices / 2 < kFewestVertices) break;
     trial.settings.tetrahedra.target_vertices = vertices / 2;
   }
   if (best) return std::move(*best);
