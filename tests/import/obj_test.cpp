@@ -280,6 +280,28 @@ TEST_F(Obj, TexturesThatAreCutOffAreSaid) {
   EXPECT_EQ(unread, expected);
 }
 
+// libjpeg draws on behind what it lost.
+TEST_F(Obj, AJpegThatIsDamagedInsideIsSaid) {
+  cv::Mat picture(256, 256, CV_8UC3);
+  cv::RNG(1).fill(picture, cv::RNG::UNIFORM, 0, 256);
+  std::vector<unsigned char> bytes;
+  ASSERT_TRUE(cv::imencode(".jpg", picture, bytes));
+  write("whole.jpg", {bytes.begin(), bytes.end()});
+  std::fill_n(bytes.begin() + std::ptrdiff_t(bytes.size() / 2), 64, 0x37);
+  write("damaged.jpg", {bytes.begin(), bytes.end()});
+  write("a.mtl", "newmtl a\nmap_Kd whole.jpg\nnewmtl b\nmap_Kd damaged.jpg\n");
+  const VisualMesh mesh = importFile(write("a.obj",
+                                           "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 3 2\nf 1 2 "
+                                           "4\nusemtl b\nf 1 4 3\nf 2 3 4\n"));
+  std::vector<std::string> said;
+  for (const Finding& f : mesh.findings) {
+    if (f.id.starts_with("texture-")) said.push_back(f.id + " " + f.place);
+  }
+  EXPECT_EQ(said, std::vector<std::string>{"texture-damaged damaged.jpg"});
+  ASSERT_EQ(mesh.textures.size(), 2U);
+  EXPECT_EQ(mesh.textures[1].bytes.size(), bytes.size());
+}
+
 TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {
   EXPECT_EQ(importFile(write("ein schöner Kopf ☺/モデル 1.obj", kTetrahedron)).triangles.size(), 4U);
   EXPECT_EQ(importFile(write("UPPER.OBJ", kTetrahedron)).format, "obj");

@@ -468,21 +468,25 @@ std::vector<Finding> checkPackage(const formats::PackageView& package) { return 
 std::vector<Finding> checkPictures(const formats::PackageView& package, const ImportOptions& options) {
   std::vector<std::span<const std::byte>> pictures;
   for (const formats::Texture& texture : package.textures()) pictures.push_back(bytesOf(package, texture));
-  const std::vector<bool> whole = wholePictures(pictures, options);
-  std::vector<std::string> unread;
-  for (std::size_t t = 0; t < whole.size(); ++t) {
-    if (whole[t] || pictures[t].empty()) continue;
-    unread.emplace_back(package.text(package.textures()[t].name));
+  const std::vector<PictureState> states = pictureStates(pictures, options);
+  std::vector<Finding> findings;
+  for (const PictureRemark& remark : kPictureRemarks) {
+    std::vector<std::string> names;
+    for (std::size_t t = 0; t < states.size(); ++t) {
+      if (states[t] == remark.state && !pictures[t].empty())
+        names.emplace_back(package.text(package.textures()[t].name));
+    }
+    if (names.empty()) continue;
+    findings.push_back({remark.id,
+                        Severity::warning,
+                        counted(names.size(), "texture", "textures") + " " + remark.message,
+                        names.size(),
+                        "",
+                        {},
+                        listed(names),
+                        std::string(kPictureCure) + " Then bake again."});
   }
-  if (unread.empty()) return {};
-  return {{kTextureNotRead,
-           Severity::warning,
-           counted(unread.size(), "texture", "textures") + " " + kTextureNotReadMessage,
-           unread.size(),
-           "",
-           {},
-           listed(unread),
-           std::string(kTextureNotReadCure) + " Then bake again."}};
+  return findings;
 }
 
 std::string packageVerdict(const std::vector<Finding>& findings) {

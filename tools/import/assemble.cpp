@@ -593,23 +593,26 @@ class Assembler {
       if (!texture.bytes.empty()) pictures.emplace_back(texture.bytes);
     }
     if (pictures.empty()) return;
-    whole_pictures_ = std::async(std::launch::async, [this, pictures] { return wholePictures(pictures, options_); });
+    picture_states_ = std::async(std::launch::async, [this, pictures] { return pictureStates(pictures, options_); });
   }
 
-  void sayUnreadPictures(const std::vector<bool>& whole) {
+  void sayOfPictures(const std::vector<PictureState>& states) {
     std::size_t at = 0;
     for (std::size_t t = 0; t < mesh_.textures.size(); ++t) {
       const TextureSource& texture = mesh_.textures[t];
-      if (texture.bytes.empty() || whole[at++]) continue;
-      warn(kTextureNotRead, 1, "the texture " + texture.name + " (" + texture.mime + ") " + kTextureNotReadMessage,
-           kTextureNotReadCure);
-      mesh_.findings.back().place = asUtf8(scene_.textures[t].path.empty() ? texture.name : scene_.textures[t].path);
+      if (texture.bytes.empty()) continue;
+      const PictureState state = states[at++];
+      for (const PictureRemark& remark : kPictureRemarks) {
+        if (remark.state != state) continue;
+        warn(remark.id, 1, "the texture " + texture.name + " (" + texture.mime + ") " + remark.message, kPictureCure);
+        mesh_.findings.back().place = asUtf8(scene_.textures[t].path.empty() ? texture.name : scene_.textures[t].path);
+      }
     }
   }
 
   void materials() {
     mesh_.findings.insert(mesh_.findings.end(), texture_findings_.begin(), texture_findings_.end());
-    if (whole_pictures_.valid()) sayUnreadPictures(whole_pictures_.get());
+    if (picture_states_.valid()) sayOfPictures(picture_states_.get());
     for (RawMaterial& raw : scene_.materials) {
       MaterialSource material;
       material.name = std::move(raw.name);
@@ -635,7 +638,7 @@ class Assembler {
   std::vector<std::uint32_t> triangle_groups_;
   std::vector<bool> left_out_;  ///< per face of the file, up to the last stray one
   std::vector<Finding> texture_findings_;
-  std::future<std::vector<bool>> whole_pictures_;  ///< of the textures that have bytes
+  std::future<std::vector<PictureState>> picture_states_;  ///< of the textures that have bytes
 };
 
 }  // namespace

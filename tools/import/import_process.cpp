@@ -325,8 +325,9 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
   return scene;
 }
 
-std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pictures, const ImportOptions& options) {
-  std::vector<bool> whole(pictures.size(), false);
+std::vector<PictureState> pictureStates(std::span<const std::span<const std::byte>> pictures,
+                                        const ImportOptions& options) {
+  std::vector<PictureState> states(pictures.size(), PictureState::unread);
   // A child goes on behind the picture that brought down the one before.
   for (std::size_t next = 0; next < pictures.size(); ++next) {
     FileDescriptor socket;
@@ -340,13 +341,15 @@ std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pict
         source.until(deadlineOf(options));
         char answer = 0;
         source.read(&answer, 1);
-        whole[next] = answer == 1;
+        states[next] = answer == char(PictureState::whole)     ? PictureState::whole
+                       : answer == char(PictureState::damaged) ? PictureState::damaged
+                                                               : PictureState::unread;
       }
     } catch (const OutOfTime&) {
     } catch (const StreamEnded&) {
     }
   }
-  return whole;
+  return states;
 }
 
 }  // namespace sinew::tools

@@ -9,6 +9,7 @@
 
 #include "tools/import/import.h"
 #include "tools/import/raw_scene.h"
+#include "tools/pictures/decode_picture.h"
 
 namespace sinew::tools {
 
@@ -18,10 +19,11 @@ namespace sinew::tools {
 RawScene readInChild(const std::filesystem::path& file, const std::string& format, const ImportOptions& options,
                      Progress& progress);
 
-/// Which pictures decodePicture() reads, each found out by a child of options.worker within options.seconds of
+/// What decodePicture() makes of each picture, found out by a child of options.worker within options.seconds of
 /// processor time and options.memory_megabytes beyond what the codecs take. One that brings the child down is not read.
-/// Where the codecs cannot be opened all count as read: what draws says so. Throws ToolError(system) where the machine
+/// Where the codecs cannot be opened all count as whole: what draws says so. Throws ToolError(system) where the machine
 /// fails.
-std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pictures, const ImportOptions& options);
+std::vector<PictureState> pictureStates(std::span<const std::span<const std::byte>> pictures,
+                                        const ImportOptions& options);
 
 }  // namespace sinew::tools

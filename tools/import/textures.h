@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -11,17 +12,25 @@
 
 #include "tools/import/raw_scene.h"
 #include "tools/import/visual_mesh.h"
+#include "tools/pictures/decode_picture.h"
 
 namespace sinew::tools {
 
 /// A picture larger than this is left out: a texture is bytes from a stranger.
 inline constexpr std::uint64_t kMaxTextureBytes = 64U << 20;
 
-/// The finding about a picture that is carried and cannot be drawn.
-inline constexpr const char* kTextureNotRead = "texture-not-read";
-inline constexpr const char* kTextureNotReadMessage =
-    "cannot be read whole here: pictures show the material's colour; the package has the bytes as they are";
-inline constexpr const char* kTextureNotReadCure = "Open it in a paint program and save it anew as PNG, JPEG or TGA.";
+/// The finding about a picture that is carried and cannot be drawn, or not as it was meant.
+struct PictureRemark {
+  PictureState state;
+  const char* id;
+  const char* message;
+};
+inline constexpr std::array<PictureRemark, 2> kPictureRemarks = {
+    {{PictureState::unread, "texture-not-read",
+      "cannot be read whole here: pictures show the material's colour; the package has the bytes as they are"},
+     {PictureState::damaged, "texture-damaged",
+      "came with damage: pictures show what can be read; the package has the bytes as they are"}}};
+inline constexpr const char* kPictureCure = "Open it in a paint program and save it anew as PNG, JPEG or TGA.";
 
 /// A file's name as another file wrote it, with `\` as `/`.
 struct CompanionPath {

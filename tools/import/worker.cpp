@@ -185,11 +185,13 @@ void answerPictures(int socket, std::uint64_t megabytes, double seconds) {
     if (!receive(socket, bytes.data(), bytes.size())) return;
     bound();
     limitSoftly(RLIMIT_CPU, std::uint64_t(std::ceil(double(std::clock()) / double(CLOCKS_PER_SEC) + seconds)));
-    bool whole = isWholeByStb(bytes);
-    if (!whole && codecs == Codecs::closed) openCodecs();
-    if (!whole) whole = codecs == Codecs::missing || !decodePicture(bytes).empty();
+    PictureState state = PictureState::whole;
+    if (!isWholeByStb(bytes)) {
+      if (codecs == Codecs::closed) openCodecs();
+      if (codecs == Codecs::open) state = pictureState(bytes);
+    }
     DescriptorSink sink(socket);
-    const char answer = whole ? 1 : 0;
+    const char answer = char(state);
     sink.write(&answer, 1);
     sink.flush();
   }

@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <stb_image.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -133,20 +134,26 @@ cv::Mat decodeByStb(std::string_view bytes) {
   return out;
 }
 
-// Sends what the picture libraries print about a broken file to nowhere: the program says it in one line of its own.
+// Keeps back what the picture libraries print about a broken file: the program says it in one line of its own.
 class SilentStderr {
  public:
-  SilentStderr() : alone_(mutex()) {
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (nowhere < 0) return;
+  SilentStderr() : alone_(mutex()), kept_(memfd_create("stderr", MFD_CLOEXEC)) {
+    if (kept_ < 0) return;
     before_ = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
-    if (before_ >= 0) dup2(nowhere, STDERR_FILENO);
-    close(nowhere);
+    if (before_ >= 0) dup2(kept_, STDERR_FILENO);
   }
   ~SilentStderr() {
-    if (before_ < 0) return;
-    dup2(before_, STDERR_FILENO);
-    close(before_);
+    if (before_ >= 0) {
+      dup2(before_, STDERR_FILENO);
+      close(before_);
+    }
+    if (kept_ >= 0) close(kept_);
+  }
+  // The beginning of what was printed.
+  std::string printed() const {
+    std::string text(4096, '\0');
+    text.resize(std::size_t(std::max<ssize_t>(pread(kept_, text.data(), text.size(), 0), 0)));
+    return text;
   }
   SilentStderr(const SilentStderr&) = delete;
   SilentStderr& operator=(const SilentStderr&) = delete;
@@ -157,8 +164,14 @@ class SilentStderr {
     return mutex;
   }
   std::lock_guard<std::mutex> alone_;
+  int kept_;
   int before_ = -1;
 };
+
+// How libjpeg warns of texels that it lost (jerror.h: JWRN_*), after which it goes on.
+bool tellsDamage(std::string_view printed) {
+  return printed.find("Corrupt JPEG data") != printed.npos || printed.find("Premature end of JPEG") != printed.npos;
+}
 
 // A picture's bytes for decoders; empty where it is cut off as far as its structure tells, or too large. A small file
 // can declare more texels than there is memory.
@@ -168,6 +181,30 @@ std::string worthDecoding(std::span<const std::byte> bytes) {
   if (width > 0 && height > kMaxTexels / width) return {};
   if (pictureMime(bytes) == "image/jpeg" && !hasJpegEnd(asText(bytes))) return {};
   return strippedPng(asText(bytes));
+}
+
+struct Decoded {
+  cv::Mat picture;
+  bool damaged = false;
+};
+
+Decoded decoded(std::span<const std::byte> bytes) {
+  const PictureFiles& codecs = pictureFiles();
+  try {
+    std::string encoded = worthDecoding(bytes);
+    if (encoded.empty()) return {};
+    Decoded made;
+    try {
+      const SilentStderr silent;
+      made.picture = codecs.decode(cv::Mat(1, int(encoded.size()), CV_8U, encoded.data()));
+      made.damaged = tellsDamage(silent.printed());
+    } catch (const std::exception&) {  // not only OpenCV's: OpenEXR throws its own
+    }
+    if (made.picture.empty()) made.picture = decodeByStb(encoded);
+    return std::int64_t(made.picture.total()) <= kMaxTexels ? made : Decoded();
+  } catch (const std::exception&) {  // memory may not suffice
+    return {};
+  }
 }
 
 }  // namespace
@@ -209,28 +246,18 @@ std::array<std::int64_t, 2> declaredSize(std::span<const std::byte> bytes) {
   return {width, height};
 }
 
-cv::Mat decodePicture(std::span<const std::byte> bytes) {
-  const PictureFiles& codecs = pictureFiles();
-  try {
-    std::string encoded = worthDecoding(bytes);
-    if (encoded.empty()) return {};
-    cv::Mat picture;
-    try {
-      const SilentStderr silent;
-      picture = codecs.decode(cv::Mat(1, int(encoded.size()), CV_8U, encoded.data()));
-    } catch (const std::exception&) {  // not only OpenCV's: OpenEXR throws its own
-    }
-    if (picture.empty()) picture = decodeByStb(encoded);
-    return std::int64_t(picture.total()) <= kMaxTexels ? picture : cv::Mat();
-  } catch (const std::exception&) {  // memory may not suffice
-    return {};
-  }
+cv::Mat decodePicture(std::span<const std::byte> bytes) { return decoded(bytes).picture; }
+
+PictureState pictureState(std::span<const std::byte> bytes) {
+  const Decoded made = decoded(bytes);
+  return made.picture.empty() ? PictureState::unread : made.damaged ? PictureState::damaged : PictureState::whole;
 }
 
 bool isWholeByStb(std::span<const std::byte> bytes) {
   try {
     const std::string encoded = worthDecoding(bytes);
-    return !encoded.empty() && !decodeByStb(encoded).empty();
+    // Of a JPEG only libjpeg says what is damaged.
+    return !encoded.empty() && pictureMime(bytes) != "image/jpeg" && !decodeByStb(encoded).empty();
   } catch (const std::exception&) {
     return false;
   }

@@ -29,8 +29,13 @@ std::array<std::int64_t, 2> declaredSize(std::span<const std::byte> bytes);
 /// Throws ToolError(system) where the codecs cannot be opened.
 cv::Mat decodePicture(std::span<const std::byte> bytes);
 
-/// Whether decodePicture() reads it, tried without opening the codecs (which takes longer than most pictures): false
-/// may mean that they are needed, as for TIFF, WebP, EXR and HDR.
+enum class PictureState : char { unread, whole, damaged };
+
+/// What decodePicture() makes of it; damaged: a JPEG in which texels were lost on the way, read nevertheless.
+PictureState pictureState(std::span<const std::byte> bytes);
+
+/// Whether it is whole, tried without opening the codecs (which takes longer than most pictures): false may mean that
+/// they are needed, as for JPEG, TIFF, WebP, EXR and HDR.
 bool isWholeByStb(std::span<const std::byte> bytes);
 
 }  // namespace sinew::tools
