@@ -395,10 +395,10 @@ Nearest findNearest(const formats::PackageView& package, const formats::Field& f
   for (std::uint32_t i = 0; i < range.vertex_count; ++i) {
     places.set(i, asVector(package.physicalVertices()[range.first_vertex + i].rest_position));
   }
-  std::vector<float> distance(range.vertex_count);
+  Eigen::ArrayXf distance(range.vertex_count);
   const auto nearestTo = [&](const Vector3d& at) {
     places.squaredDistances(at, 0, distance);
-    return range.first_vertex + std::uint32_t(std::min_element(distance.begin(), distance.end()) - distance.begin());
+    return range.first_vertex + std::uint32_t(firstLargest(-distance));
   };
   for (const formats::FieldPack& pack : package.fieldPacks().subspan(field.first_pack, field.pack_count)) {
     for (std::size_t lane = 0; lane < 8; ++lane) {

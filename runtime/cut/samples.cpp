@@ -73,8 +73,8 @@ class Finder {
       for (std::size_t c = 0; c < 4; ++c) x += tetrahedron(i).center[c] * restOf(cornersOf(i)[c]);
       centers_.push_back(x);
     }
-    distance_.assign(cells_.size(), std::numeric_limits<float>::infinity());
-    fresh_.resize(cells_.size());
+    distance_.setConstant(Index(cells_.size()), std::numeric_limits<float>::infinity());
+    fresh_.resize(Index(cells_.size()));
     of_cell_.assign(cells_.size(), 0);
   }
 
@@ -117,8 +117,10 @@ class Finder {
   /// Tetrahedra go to a sample where it is nearer than those before.
   void assign(const Places& places, std::uint32_t sample) {
     places.squaredDistances(samples_[sample].at, depths_[sample], fresh_);
-    for (std::size_t i = 0; i < fresh_.size(); ++i) of_cell_[i] = fresh_[i] < distance_[i] ? sample : of_cell_[i];
-    for (std::size_t i = 0; i < fresh_.size(); ++i) distance_[i] = std::min(distance_[i], fresh_[i]);
+    std::uint32_t* const of = of_cell_.data();
+    const float *const fresh = fresh_.data(), *const before = distance_.data();
+    for (std::size_t i = 0; i < cells_.size(); ++i) of[i] = fresh[i] < before[i] ? sample : of[i];
+    distance_ = distance_.min(fresh_);
   }
 
   void takeParents(const Places& places) {
@@ -134,18 +136,12 @@ class Finder {
       const Vector3d middle =
           std::accumulate(centers_.begin(), centers_.end(), Vector3d(Vector3d::Zero())) / double(centers_.size());
       places.squaredDistances(middle, 0, fresh_);
-      addMean(std::size_t(std::min_element(fresh_.begin(), fresh_.end()) - fresh_.begin()), places);
+      addMean(firstLargest(-fresh_), places);
     }
     while (samples_.size() < wanted) {
-      std::size_t farthest = 0;
-      if (steepness_.empty()) {
-        farthest = std::size_t(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
-      } else {
-        for (std::size_t i = 0; i < cells_.size(); ++i) {
-          if (distance_[i] * steepness_[i] > distance_[farthest] * steepness_[farthest]) farthest = i;
-        }
-      }
-      if (!(distance_[farthest] > 0)) break;
+      const std::size_t farthest =
+          steepness_.size() == 0 ? firstLargest(distance_) : firstLargest(distance_ * steepness_);
+      if (!(distance_[Index(farthest)] > 0)) break;
       addMean(farthest, places);
     }
   }
@@ -153,7 +149,9 @@ class Finder {
   /// Of psi, squared, of that over the slit's size, and 1.
   void listSteepness() {
     if (jumps_.psi.size() == 0) return;
-    for (const std::uint32_t cell : cells_) {
+    steepness_.resize(Index(cells_.size()));
+    for (Index i = 0; i < steepness_.size(); ++i) {
+      const std::uint32_t cell = cells_[std::size_t(i)];
       const PartTetrahedron& t = tetrahedron(cell);
       Eigen::Matrix3d edges;
       Vector3d rise;
@@ -163,14 +161,14 @@ class Finder {
             jumps_.psi[t.corner[std::size_t(k)] - input_.piece.first] - jumps_.psi[t.corner[3] - input_.piece.first];
       }
       const double slope = jumps_.size * (edges.inverse() * rise).norm();
-      steepness_.push_back(std::isfinite(slope) ? float(1 + slope * slope) : 1.0F);
+      steepness_[i] = std::isfinite(slope) ? float(1 + slope * slope) : 1.0F;
     }
   }
 
   void addMean(std::size_t cell, const Places& places) {
     double volume = 0;
     const MatrixXd gradient = slopes_.meanAt(tetrahedron(cells_[cell]), around_, volume);
-    distance_[cell] = 0;  // it is not asked again
+    distance_[Index(cell)] = 0;  // it is not asked again
     if (!(volume > 0)) return;
     Material m = *std::min_element(materials_.begin(), materials_.end(), [&](const Material& one, const Material& two) {
       return (one.at - centers_[cell]).squaredNorm() < (two.at - centers_[cell]).squaredNorm();
@@ -207,12 +205,12 @@ class Finder {
   const Jumps& jumps_;
   std::vector<std::uint32_t> cells_;  // of the part's tetrahedra
   std::vector<Vector3d> centers_;
-  std::vector<float> distance_, fresh_;  // of the cells, squared: to their samples; scratch
-  std::vector<std::uint32_t> of_cell_;   // samples
+  Eigen::ArrayXf distance_, fresh_;     // of the cells, squared: to their samples; scratch
+  std::vector<std::uint32_t> of_cell_;  // samples
   std::vector<Material> materials_;
   std::vector<Sample> samples_;
-  std::vector<double> depths_;    // of samples: as of cells, m
-  std::vector<float> steepness_;  // of cells
+  std::vector<double> depths_;  // of samples: as of cells, m
+  Eigen::ArrayXf steepness_;    // of cells; none: 1
 };
 
 }  // namespace
