@@ -38,7 +38,7 @@ void forEachNode(const Nodes& from, const Nodes& to, const Visit& visit) {
 /// Height over the plane by place at rest, as a tetrahedron has it: height = value + slope . X.
 struct HeightAtRest {
   Vector3d slope = Vector3d::Zero();
-  double value = 0;
+  double value = 0, steepness = 0;  ///< of a distance: the slope's length, or kLeastSlope
 };
 
 HeightAtRest heightIn(const Cut& cut, std::uint32_t tetrahedron) {
@@ -54,6 +54,7 @@ HeightAtRest heightIn(const Cut& cut, std::uint32_t tetrahedron) {
   height.slope = edges.inverse() * rises;
   if (!height.slope.allFinite()) height.slope.setZero();
   height.value = cut.sides.heightOf(corners[3]) - height.slope.dot(rest(3));
+  height.steepness = std::max(kLeastSlope, height.slope.norm());
   return height;
 }
 
@@ -94,8 +95,7 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, std::si
   // Of a tetrahedron the part has nothing 0, what is below 1, above 2, all 3.
   std::vector<char> has(cut.package.tetrahedra().size(), 0);
   for (const PartTetrahedron& t : mesh.tetrahedra) has[t.source] |= t.side == 0 ? 3 : t.side < 0 ? 1 : 2;
-  std::vector<HeightAtRest> heights(has.size());
-  std::vector<char> known(has.size(), 0);
+  std::vector<HeightAtRest> heights(has.size());  // of steepness 0: not known yet
   const double unit = double(grid.unit);
   forEachNode(from, to, [&](const Nodes& at) {
     const std::size_t node = numberOf(grid.nodes, at);
@@ -105,10 +105,9 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, std::si
       // A slit has no width: to what has both of its sides it is not there.
       const double side = mesh.side != 0 ? mesh.side : has[t] == 1 ? -1 : has[t] == 2 ? 1 : 0;
       if (side != 0) {
-        if (known[t] == 0) heights[t] = heightIn(cut, t), known[t] = 1;
+        if (heights[t].steepness == 0) heights[t] = heightIn(cut, t);
         const Vector3d place = asVector(grid.origin) + double(grid.spacing) * Vector3d(at[0], at[1], at[2]);
-        const double above =
-            (heights[t].value + heights[t].slope.dot(place)) / std::max(kLeastSlope, heights[t].slope.norm());
+        const double above = (heights[t].value + heights[t].slope.dot(place)) / heights[t].steepness;
         distance = std::max(distance, -side * above);
       }
       // Within another part of this side.
@@ -126,7 +125,8 @@ std::vector<std::uint32_t> nodeTetrahedra(const formats::PackageView& package, c
   const Nodes& nodes = grid.nodes;
   const std::array<std::size_t, 3> step = {1, nodes[0], nodes[0] * std::size_t(nodes[1])};
   std::vector<std::uint32_t> of_node(step[2] * nodes[2], formats::kNone);
-  std::vector<std::uint32_t> queue;  // nodes, in the order in which they got theirs
+  std::vector<Nodes> queue;  // in the order in which they got theirs
+  queue.reserve(of_node.size());
   const formats::PieceRange& range = package.pieces()[grid.piece];
   for (std::uint32_t t = range.first_tetrahedron; t < range.first_tetrahedron + range.tetrahedron_count; ++t) {
     const auto& corners = package.tetrahedra()[t].vertex;
@@ -159,20 +159,21 @@ std::vector<std::uint32_t> nodeTetrahedra(const formats::PackageView& package, c
       const Vector3d w = inverse * (Vector3d(node[0], node[1], node[2]) - at[3]);
       if (std::min(w.minCoeff(), 1 - w.sum()) < -kInside) return;
       of_node[n] = t;
-      queue.push_back(std::uint32_t(n));
+      queue.push_back(node);
     });
   }
   // Those around take it from their neighbours.
   for (std::size_t next = 0; next < queue.size(); ++next) {
-    const std::size_t n = queue[next];
+    const Nodes at = queue[next];
+    const std::size_t n = numberOf(nodes, at);
     for (std::size_t a = 0; a < 3; ++a) {
-      const std::size_t place = n / step[a] % nodes[a];
       for (const bool up : {false, true}) {
-        if (up ? place + 1 == nodes[a] : place == 0) continue;
+        if (up ? at[a] + 1 == nodes[a] : at[a] == 0) continue;
         const std::size_t other = up ? n + step[a] : n - step[a];
         if (of_node[other] != formats::kNone) continue;
         of_node[other] = of_node[n];
-        queue.push_back(std::uint32_t(other));
+        queue.push_back(at);
+        up ? ++queue.back()[a] : --queue.back()[a];
       }
     }
   }
