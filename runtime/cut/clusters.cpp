@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 namespace sinew::cutting {
 namespace {
@@ -18,6 +19,14 @@ Vector9d monomialsOf(const Vector3d& q) {
   Vector9d m;
   m << q[0], q[1], q[2], q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
   return m;
+}
+
+/// As geometry::pseudoInverse(), whose code is small and, of nine rows, ten times slower.
+Eigen::MatrixXd pseudoInverse(const Eigen::MatrixXd& moment) {
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(moment);
+  const double least = geometry::kMomentCutoff * std::max(0.0, eigen.values[eigen.values.size() - 1]);
+  const Eigen::VectorXd inverse = (eigen.values.array() > least).select(eigen.values.cwiseInverse(), 0.0);
+  return eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose();
 }
 
 class Clusters {
@@ -129,11 +138,11 @@ class Clusters {
       moment.topLeftCorner<3, 3>() -= mean.head<3>() * mean.head<3>().transpose();
     }
     const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
-    const Eigen::Matrix3d a = geometry::pseudoInverse<3>(spread);
+    const Eigen::Matrix3d a = pseudoInverse(spread);
     made.a_qq = {float(a(0, 0)), float(a(1, 1)), float(a(2, 2)), float(a(0, 1)), float(a(1, 2)), float(a(2, 0))};
     if (!quadratic) return;
     made.quadratic = std::uint32_t(out_.quadratic_moments.size());
-    const Matrix9d inverse = geometry::pseudoInverse<9>(moment);
+    const Matrix9d inverse = pseudoInverse(moment);
     formats::QuadraticMoment packed{};
     for (int row = 0, n = 0; row < 9; ++row) {
       for (int column = 0; column <= row; ++column, ++n) packed.a_qq[std::size_t(n)] = float(inverse(row, column));
