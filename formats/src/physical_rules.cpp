@@ -160,7 +160,7 @@ class PhysicalRules {
   /// sums over the members by the inverse: what makes more than 1 of the moment would throw them anywhere.
   const char* faultOfMoments(const Cluster& cluster) const {
     std::array<double, 9> mean = {};
-    std::array<std::array<double, 9>, 9> moment = {};
+    std::array<std::array<double, 9>, 9> moment = {};  // its lower triangle
     const std::size_t terms = cluster.mode == ClusterMode::quadratic ? 9 : 3;
     for (const Membership& m : view_.memberships().subspan(cluster.first_member, cluster.member_count)) {
       std::array<double, 9> q = {};
@@ -172,13 +172,14 @@ class PhysicalRules {
         q[3 + k] = q[k] * q[k];
         q[6 + k] = q[k] * q[(k + 1) % 3];
       }
-      for (std::size_t row = 0; row < 9; ++row) mean[row] += double(m.mu) * q[row];
       for (std::size_t row = 0; row < terms; ++row) {
-        for (std::size_t column = 0; column < terms; ++column) moment[row][column] += double(m.mu) * q[row] * q[column];
+        const double weighed = double(m.mu) * q[row];
+        mean[row] += weighed;
+        for (std::size_t column = 0; column <= row; ++column) moment[row][column] += weighed * q[column];
       }
     }
     for (std::size_t row = 0; row < terms; ++row) {
-      for (std::size_t column = 0; column < terms; ++column) moment[row][column] -= mean[row] * mean[column];
+      for (std::size_t column = 0; column <= row; ++column) moment[row][column] -= mean[row] * mean[column];
     }
     const auto [xx, yy, zz, xy, yz, zx] = cluster.a_qq;
     if (!isInverse<3>({xx, xy, yy, zx, yz, zz}, moment)) return "a_qq is not the inverse of its members' moment";
@@ -189,8 +190,8 @@ class PhysicalRules {
     return nullptr;
   }
 
-  /// Whether a symmetric matrix, its lower triangle row by row, times the corner of a moment has entries as a
-  /// projection has.
+  /// Whether a symmetric matrix, its lower triangle row by row, times the corner of a moment, of which the lower
+  /// triangle is read, has entries as a projection has.
   template <std::size_t kSize>
   static bool isInverse(const std::array<float, kSize*(kSize + 1) / 2>& triangle,
                         const std::array<std::array<double, 9>, 9>& moment) {
@@ -200,7 +201,7 @@ class PhysicalRules {
         double sum = 0;
         for (std::size_t k = 0; k < kSize; ++k) {
           const std::size_t low = std::min(row, k), high = std::max(row, k);
-          sum += double(triangle[high * (high + 1) / 2 + low]) * moment[k][column];
+          sum += double(triangle[high * (high + 1) / 2 + low]) * moment[std::max(k, column)][std::min(k, column)];
         }
         good &= std::abs(sum) <= kMostProjection;
       }
