@@ -15,10 +15,10 @@ Monomials<9> coordinatesOf(const formats::Cluster& cluster, const ClusterRest& r
 
 }  // namespace
 
-ClusterFrame fitCluster(const formats::PackageView& package, const RestConstants& rest, std::span<const Vec3> positions,
-                        std::uint32_t index) {
+ClusterFrame fitCluster(const formats::PackageView& package, std::span<const ClusterRest> rest,
+                        std::span<const Vec3> positions, std::uint32_t index) {
   const formats::Cluster& cluster = package.clusters()[index];
-  const ClusterRest& constants = rest.clusters[index];
+  const ClusterRest& constants = rest[index];
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   ClusterFrame frame;
   if (members.empty()) return frame;

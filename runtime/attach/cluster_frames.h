@@ -21,8 +21,8 @@ struct ClusterFrame {
 };
 
 /// F is A of the match, R in directions that the rest shape lacks, and R where A would turn the cluster inside out or
-/// flat. \param positions of all physical vertices, finite.
-ClusterFrame fitCluster(const formats::PackageView& package, const RestConstants& rest, std::span<const Vec3> positions,
-                        std::uint32_t cluster);
+/// flat. \param rest of the clusters. \param positions of all physical vertices, finite.
+ClusterFrame fitCluster(const formats::PackageView& package, std::span<const ClusterRest> rest,
+                        std::span<const Vec3> positions, std::uint32_t cluster);
 
 }  // namespace sinew::internal

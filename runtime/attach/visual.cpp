@@ -57,15 +57,15 @@ const BlendRun* runsOf(const formats::PackageView& package) {
 
 }  // namespace
 
-ClusterColumns clusterColumns(const Body& body, std::uint32_t index) {
+ClusterColumns clusterColumns(const Body& body, std::span<const ClusterRest> rest, std::uint32_t index) {
   const formats::Cluster& cluster = body.package().clusters()[index];
-  const ClusterFrame frame = fitCluster(body.package(), body.rest(), body.positions(), index);
+  const ClusterFrame frame = fitCluster(body.package(), rest, body.positions(), index);
   ClusterColumns result = {};
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
   const int columns = quadratic ? 9 : 3;
   Columns<9> f = Columns<9>::Zero();
   for (int k = 0; k < 3 * columns; ++k) f.data()[k] = cluster.radius * frame.f.data()[k];
-  const Vector3 start = frame.center - timesColumn(f, body.rest().clusters[index].mean);
+  const Vector3 start = frame.center - timesColumn(f, rest[index].mean);
   std::copy(start.data(), start.data() + 3, result.column[0]);
   for (int k = 0; k < columns; ++k) std::copy(f.col(k).data(), f.col(k).data() + 3, result.column[k + 1]);
   std::copy(cluster.rest_center.begin(), cluster.rest_center.end(), result.center);
@@ -80,8 +80,9 @@ void keepHistory(Body& body) {
   history.positions.resize(body.vertices().size());
   std::copy_n(body.x.begin(), history.positions.size(), history.positions.begin());
   if (body.package().visualPositions().empty() || hangsOnTetrahedra(body)) return;
-  history.columns.resize(body.package().clusters().size());
-  for (std::uint32_t c = 0; c < history.columns.size(); ++c) history.columns[c] = clusterColumns(body, c);
+  const std::span<const ClusterRest> rest = body.asset->clusterConstants();
+  history.columns.resize(rest.size());
+  for (std::uint32_t c = 0; c < history.columns.size(); ++c) history.columns[c] = clusterColumns(body, rest, c);
 }
 
 bool boundsOf(std::span<const Vec3> positions, Bounds& result) {
@@ -122,9 +123,10 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
     has_previous_ = true;
   }
   if (!tetrahedra && !has_columns_) {
-    columns_.resize(package.clusters().size());
+    const std::span<const ClusterRest> rest = body.asset->clusterConstants();
+    columns_.resize(rest.size());
     parallel(jobs, std::uint32_t(columns_.size()), kClusterGrain, [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t c = begin; c < end; ++c) columns_[c] = clusterColumns(body, c);
+      for (std::uint32_t c = begin; c < end; ++c) columns_[c] = clusterColumns(body, rest, c);
     });
     has_columns_ = true;
   }

@@ -89,7 +89,7 @@ class VisualPool {
 void keepHistory(Body& body);
 
 /// A cluster's goal transform as the kernels want it.
-ClusterColumns clusterColumns(const Body& body, std::uint32_t cluster);
+ClusterColumns clusterColumns(const Body& body, std::span<const ClusterRest> rest, std::uint32_t cluster);
 
 /// Least and largest coordinates of the positions; false where there are none.
 bool boundsOf(std::span<const Vec3> positions, Bounds& result);

@@ -14,7 +14,8 @@
 namespace sinew {
 
 struct Asset::Lazy {
-  std::once_flag visual_made, tangents_made;
+  std::once_flag clusters_made, visual_made, tangents_made;
+  internal::Array<internal::ClusterRest> clusters;
   internal::VisualConstants visual;
   internal::Array<std::array<float, 4>> tangents;
 };
@@ -85,6 +86,12 @@ Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, s
   asset->checksum_ = header.checksum;
   asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
   return std::shared_ptr<const Asset>(std::move(asset));
+}
+
+std::span<const internal::ClusterRest> Asset::clusterConstants() const {
+  const auto make = [](const Asset& asset) { asset.lazy_->clusters = internal::makeClusterConstants(asset.view_); };
+  makeOnce(lazy_->clusters_made, make, *this);
+  return lazy_->clusters;
 }
 
 const internal::VisualConstants& Asset::visualConstants() const {

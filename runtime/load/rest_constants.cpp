@@ -26,9 +26,14 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
   result.fields = makeFields(package, result.driven_masses, result.field_stiffness, result.field_limits);
   makeFibres(package, {result.fields.data(), result.fields.size()}, result.fibres, result.fibre_matrices);
   for (const formats::DistanceGrid& grid : package.distanceGrids()) result.depths.emplace_back(package, grid);
+  return result;
+}
+
+Array<ClusterRest> makeClusterConstants(const formats::PackageView& package) {
+  Array<ClusterRest> result;
   const auto clusters = package.clusters();
-  result.clusters.resize(clusters.size());
-  for (std::size_t c = 0; c < clusters.size(); ++c) addMoments(package, clusters[c], result.clusters[c]);
+  result.resize(clusters.size());
+  for (std::size_t c = 0; c < clusters.size(); ++c) addMoments(package, clusters[c], result[c]);
   return result;
 }
 

@@ -21,7 +21,6 @@ struct ClusterRest {
 
 /// Constants of a world's steps that a package does not hold in this form. One per Asset, shared by its bodies.
 struct RestConstants {
-  Array<ClusterRest> clusters;
   Array<double> driven_masses;       ///< Field::driven_mass
   Array<float> field_stiffness;      ///< Field::stiffness
   Array<SampleLimits> field_limits;  ///< Field::limits
@@ -38,8 +37,10 @@ struct RestConstants {
   }
 };
 
-/// One pass over the memberships, sums in double.
 RestConstants makeRestConstants(const formats::PackageView& package);
+
+/// One pass over the memberships, sums in double.
+Array<ClusterRest> makeClusterConstants(const formats::PackageView& package);
 
 /// A_qq as the package has it, n x n in the upper left corner: n = 3, or 9 of a quadratic cluster.
 inline Square<9> momentInverse(const formats::PackageView& package, const formats::Cluster& cluster) {

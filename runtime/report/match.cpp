@@ -68,7 +68,7 @@ Moments momentsOf(const Body& body, std::uint32_t index, const ClusterConstants&
   m.pq -= m.center / cluster.radius * m.mean.transpose();
   m.center += reference;
   if (total == 1) {
-    m.rest = body.rest().clusters[index].moment;
+    m.rest = body.asset->clusterConstants()[index].moment;
     m.a_qq = constants.a_qq;
     return m;
   }
@@ -120,7 +120,7 @@ void constrain(const Body& body, std::uint32_t index, const ClusterConstants& co
 
 Monomials<9> restCoordinates(const Body& body, std::uint32_t cluster, const Vec3& rest_position) {
   return monomials<9>(restOffset(body.package().clusters()[cluster], asVector(rest_position))) -
-         body.rest().clusters[cluster].mean;
+         body.asset->clusterConstants()[cluster].mean;
 }
 
 ClusterConstants makeConstants(const Body& body, std::uint32_t index) {
@@ -133,7 +133,7 @@ ClusterConstants makeConstants(const Body& body, std::uint32_t index) {
   const geometry::SymmetricEigen solver = geometry::symmetricEigen(constants.a_qq.cast<double>());
   constants.root_a_qq =
       (solver.vectors * solver.values.cwiseMax(0).cwiseSqrt().asDiagonal() * solver.vectors.transpose()).cast<float>();
-  const Matrix3 spread = body.rest().clusters[index].moment.leftCols<3>();
+  const Matrix3 spread = body.asset->clusterConstants()[index].moment.leftCols<3>();
   constants.encloses_volume = spread.determinant() > kFlat * std::pow(spread.trace() / 3, 3.0F);
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {
     constants.beta = mechanics.per_step_beta;

@@ -593,7 +593,10 @@ void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& l
     impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);
     return;
   }
-  const internal::ClusterFrame frame = internal::fitCluster(body->package(), body->rest(), body->positions(), cluster);
+  const auto rest = impl_->guarded("clusterFrame", std::span<const internal::ClusterRest>(),
+                                   [body] { return body->asset->clusterConstants(); });
+  if (rest.empty()) return;
+  const internal::ClusterFrame frame = internal::fitCluster(body->package(), rest, body->positions(), cluster);
   center = asArray(frame.center);
   for (int k = 0; k < 9; ++k) linear[std::size_t(k)] = frame.f(k / 3, k % 3);
 }

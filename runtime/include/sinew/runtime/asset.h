@@ -16,6 +16,7 @@
 namespace sinew {
 
 namespace internal {
+struct ClusterRest;
 struct RestConstants;
 struct VisualConstants;
 }  // namespace internal
@@ -47,8 +48,9 @@ class SINEW_API Asset {
   /// The visual vertices that a sub-mesh's triangles use: runs, ascending. Empty for an unknown sub-mesh.
   std::span<const VertexRun> subMeshVertices(std::uint32_t sub_mesh) const;
 
-  /// For the runtime itself: constants made at load, and those of the outputs, made when first asked for.
+  /// For the runtime itself: constants made at load, and those of clusters and outputs, made when first asked for.
   const internal::RestConstants& constants() const { return *constants_; }
+  std::span<const internal::ClusterRest> clusterConstants() const;
   const internal::VisualConstants& visualConstants() const;
   std::span<const Vec3> restNormals() const;
   std::span<const std::array<float, 4>> restTangents() const;
