@@ -62,15 +62,16 @@ class CutField {
   /// \return false where the part cannot have the field.
   bool append() {
     if (functions_.free() == 0) return false;
-    std::optional<MatrixXd> tethers = partTethers(input_, index_, parent_, functions_, local_);
+    std::optional<MatrixXd> tethers = partTethers(input_, index_, parent_, functions_, parent_values_, local_);
     if (!tethers) return false;
     samples_ = findSamples(input_, parent_, nearest_, functions_, slopes_, around_, jumps_);
     turn(*tethers);
+    values_ = functions_.valuesFrom(rest_, parent_values_);
     findPoints();
     formats::Field field = header();
     appendFunctions(field);
     appendSamples();
-    appendBlocks(functions_.values, content_.field_values);
+    appendBlocks(values_, content_.field_values);
     for (const formats::Float3& place : places_) content_.field_points.push_back({place, float(area_)});
     if (!places_.empty()) appendBlocks(point_values_, content_.field_point_values);
     appendModes();
@@ -132,10 +133,15 @@ class CutField {
     const formats::Field& field = parent_.field();
     if (field.point_count == 0) return;
     const auto points = package_.fieldPoints().subspan(field.first_point, field.point_count);
-    std::vector<VectorXd> rows;
+    std::vector<Vector3d> at;
+    std::vector<VectorXd> of_parent;
+    const auto add = [&](const Vector3d& place, VectorXd values) {
+      places_.push_back({float(place[0]), float(place[1]), float(place[2])});
+      at.push_back(place);
+      of_parent.push_back(std::move(values));
+    };
     for (std::uint32_t i = 0; i < points.size(); ++i) {
       if (!input_.isOwn(nearest_.of_point[i])) continue;
-      places_.push_back(points[i].at);
       VectorXd values = parent_.valuesAt(i);
       if (jumps_.psi.size() > 0) {
         const std::uint32_t t = around_.at(nearest_.of_point[i], asVector(points[i].at));
@@ -144,7 +150,7 @@ class CutField {
           values[parent_.own() + Index(j)] = psi * values[jumps_.phi[j]];
         }
       }
-      rows.push_back(functions_.valuesFrom(asVector(points[i].at), values));
+      add(asVector(points[i].at), std::move(values));
     }
     area_ = double(points[0].area);
     const std::vector<SectionPoint>& section = input_.piece.section;
@@ -154,16 +160,20 @@ class CutField {
     std::size_t next = 0;
     for (std::size_t made = 0; made < wanted; ++made) {
       const SectionPoint& point = section[next];
-      places_.push_back({float(point.rest[0]), float(point.rest[1]), float(point.rest[2])});
-      rows.push_back(functions_.valuesFrom(point.rest, parentAt(point.hung)));
+      add(point.rest, parentAt(point.hung));
       for (std::size_t i = 0; i < distance.size(); ++i) {
         distance[i] = std::min(distance[i], (section[i].rest - point.rest).squaredNorm());
       }
       next = std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin());
       if (!(distance[next] > 0)) break;
     }
-    point_values_.resize(Index(rows.size()), functions_.count());
-    for (std::size_t i = 0; i < rows.size(); ++i) point_values_.row(Index(i)) = rows[i].transpose();
+    Eigen::MatrixX3d rests(Index(at.size()), 3);
+    MatrixXd values(Index(at.size()), parent_.count());
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      rests.row(Index(i)) = at[i].transpose();
+      values.row(Index(i)) = of_parent[i].transpose();
+    }
+    point_values_ = functions_.valuesFrom(rests, values);
   }
 
   /// The parent's functions where something hangs.
@@ -222,7 +232,7 @@ class CutField {
       function.one = float(functions_.one[j]);
       for (int a = 0; a < 3; ++a) function.rest[std::size_t(a)] = float(functions_.rest(j, a));
       function.pin_set = formats::kNone;
-      function.decay = float(mass_.cwiseProduct(decay).dot(functions_.values.col(j).cwiseAbs2()));
+      function.decay = float(mass_.cwiseProduct(decay).dot(values_.col(j).cwiseAbs2()));
       content_.field_functions.push_back(function);
     }
   }
@@ -378,6 +388,7 @@ class CutField {
   Jumps jumps_;
   Slopes slopes_;
   PartFunctions functions_;
+  MatrixXd values_;  // vertices x functions
   std::vector<Sample> samples_;
   VectorXd stiffness_;
   Modes modes_;

@@ -31,6 +31,13 @@ Split splitFunctions(const ParentField& parent, const std::vector<std::uint32_t>
   return split;
 }
 
+/// Places x 4: 1, (X - center) / size.
+MatrixXd monomialsAt(const Eigen::MatrixX3d& places, const Vector3d& center, double size) {
+  MatrixXd monomials(places.rows(), 4);
+  monomials << VectorXd::Ones(places.rows()), (places.rowwise() - center.transpose()) / size;
+  return monomials;
+}
+
 /// 4 x driven: what the sets make of 1, (X - center) / size.
 MatrixXd drivenMonomials(const ParentField& parent, const std::vector<Index>& driven, const Vector3d& center,
                          double size) {
@@ -79,10 +86,8 @@ MatrixXd PartFunctions::gradientsFrom(const MatrixXd& of_parent_here) const {
   return of_monomials.rightCols<3>() / size + of_parent * of_parent_here;
 }
 
-VectorXd PartFunctions::valuesFrom(const Vector3d& at, const VectorXd& of_parent_here) const {
-  Eigen::Vector4d monomials;
-  monomials << 1, (at - center) / size;
-  return of_monomials * monomials + of_parent * of_parent_here;
+MatrixXd PartFunctions::valuesFrom(const Eigen::MatrixX3d& at, const MatrixXd& of_parent_here) const {
+  return monomialsAt(at, center, size) * of_monomials.transpose() + of_parent_here * of_parent.transpose();
 }
 
 void PartFunctions::turn(const MatrixXd& by) {
@@ -91,7 +96,6 @@ void PartFunctions::turn(const MatrixXd& by) {
   turnRows(of_parent.bottomRows(free()));
   turnRows(one.tail(free()));
   turnRows(rest.bottomRows(free()));
-  values.rightCols(free()) = (values.rightCols(free()) * by).eval();
 }
 
 PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& parent_values,
@@ -103,12 +107,10 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   PartFunctions made;
   made.driven = Index(split.driven.size());
   made.center = rest_places.transpose() * masses / all;
-  MatrixXd monomials(vertices, 4);
-  monomials.col(0).setOnes();
-  monomials.rightCols(3) = rest_places.rowwise() - made.center.transpose();
-  const double spread = std::sqrt((masses.transpose() * monomials.rightCols(3).cwiseAbs2()).sum() / all);
+  const VectorXd squares = (rest_places.rowwise() - made.center.transpose()).rowwise().squaredNorm();
+  const double spread = std::sqrt(masses.dot(squares) / all);
   made.size = spread > 0 ? spread : 1;
-  monomials.rightCols(3) /= made.size;
+  const MatrixXd monomials = monomialsAt(rest_places, made.center, made.size);
 
   // Affine motion of what is not held.
   const MatrixXd by_sets = drivenMonomials(parent, split.driven, made.center, made.size);
@@ -135,9 +137,10 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   others *= scale.asDiagonal();
   const MatrixXd weighed = masses.asDiagonal() * others;
   const MatrixXd overlap = affine_values.transpose() * weighed;
-  MatrixXd gram = others.transpose() * weighed;
+  MatrixXd gram = MatrixXd::Zero(others.cols(), others.cols());  // its lower triangle
+  gram.triangularView<Eigen::Lower>() = others.transpose() * weighed;
   const double mean = others.cols() > 0 ? gram.trace() / double(others.cols()) : 0;
-  gram -= overlap.transpose() * overlap;
+  gram.selfadjointView<Eigen::Lower>().rankUpdate(overlap.transpose(), -1);
   const geometry::SymmetricEigen beyond = geometry::symmetricEigen(gram);
   Index kept = 0;
   const Index most = std::clamp<Index>(vertices - rank, 0, others.cols() - std::min(rank, others.cols()));
@@ -158,7 +161,6 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   for (Index j = 0; j < others.cols(); ++j) {
     made.of_parent.col(split.others[std::size_t(j)]).tail(kept) = scale[j] * combine.row(j).transpose();
   }
-  made.values = monomials * made.of_monomials.transpose() + parent_values * made.of_parent.transpose();
   made.one = VectorXd::Zero(count);
   made.rest = MatrixXd::Zero(count, 3);
   for (Index d = 0; d < made.driven; ++d) {

@@ -51,7 +51,6 @@ struct PartFunctions {
   Eigen::MatrixXd of_parent;     ///< k x those of the parent
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
   double size = 1;                             ///< m
-  Eigen::MatrixXd values;                      ///< vertices x k
   Eigen::VectorXd one;                         ///< of 1
   Eigen::MatrixXd rest;                        ///< k x 3: of X, Y, Z
   std::vector<formats::FieldFunction> driver;  ///< of driven ones, pin sets of the part
@@ -60,7 +59,8 @@ struct PartFunctions {
   Eigen::Index free() const { return count() - driven; }
   /// \param of_parent_here the parent's, k x 3.
   Eigen::MatrixXd gradientsFrom(const Eigen::MatrixXd& of_parent_here) const;
-  Eigen::VectorXd valuesFrom(const Eigen::Vector3d& at, const Eigen::VectorXd& of_parent_here) const;
+  /// At places, m: places x k. \param of_parent_here the parent's, places x its functions.
+  Eigen::MatrixXd valuesFrom(const Eigen::MatrixX3d& at, const Eigen::MatrixXd& of_parent_here) const;
   /// Those that are not driven become sums of each other. \param turn orthogonal.
   void turn(const Eigen::MatrixXd& by);
 };

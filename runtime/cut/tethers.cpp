@@ -53,7 +53,8 @@ void addTether(double strength, VectorXd offsets, std::uint32_t set, const Vecto
 }  // namespace
 
 std::optional<MatrixXd> partTethers(const FieldInput& input, std::uint32_t field, const ParentField& parent,
-                                    const PartFunctions& functions, const std::vector<std::uint32_t>& local) {
+                                    const PartFunctions& functions, const MatrixXd& parent_values,
+                                    const std::vector<std::uint32_t>& local) {
   const formats::PackageView& package = input.package;
   const formats::FieldTethers* stored = nullptr;
   for (const formats::FieldTethers& one : package.fieldTethers()) stored = one.field == field ? &one : stored;
@@ -73,8 +74,8 @@ std::optional<MatrixXd> partTethers(const FieldInput& input, std::uint32_t field
     if (!input.isOwn(tether.vertex) || input.pin_sets[tether.set] == formats::kNone) continue;
     const std::uint32_t row = local[tether.vertex];
     const double mass = double(input.mesh.masses[std::size_t(input.piece.first) + row]);
-    addTether(tether.per_mass * mass, functions.values.row(row).transpose(), input.pin_sets[tether.set], rest,
-              functions.driver, part);
+    addTether(tether.per_mass * mass, functions.valuesFrom(rest.transpose(), parent_values.row(row)).transpose(),
+              input.pin_sets[tether.set], rest, functions.driver, part);
     some = true;
   }
   double difference = 0, size = 0;

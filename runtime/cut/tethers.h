@@ -18,6 +18,7 @@ namespace sinew::cutting {
 /// \param field of the package, held. \param local of the package's vertices: rows of the part's values.
 /// \return of size 0 where there are none; nothing where the package has others: rigid clusters that share vertices.
 std::optional<Eigen::MatrixXd> partTethers(const FieldInput& input, std::uint32_t field, const ParentField& parent,
-                                           const PartFunctions& functions, const std::vector<std::uint32_t>& local);
+                                           const PartFunctions& functions, const Eigen::MatrixXd& parent_values,
+                                           const std::vector<std::uint32_t>& local);
 
 }  // namespace sinew::cutting
