@@ -54,6 +54,16 @@ StringRef PackageContent::addText(std::string_view text) {
 }
 
 std::vector<std::byte> writePackage(const PackageContent& content, bool packed) {
+  std::vector<std::byte> bytes;
+  const auto memory = [&bytes](std::size_t count) {
+    bytes.resize(count);
+    return bytes.data();
+  };
+  writePackage(content, memory, packed);
+  return bytes;
+}
+
+void writePackage(const PackageContent& content, const std::function<std::byte*(std::size_t)>& memory, bool packed) {
   struct Part {
     const SectionRule* rule;
     Payload payload;
@@ -85,9 +95,12 @@ std::vector<std::byte> writePackage(const PackageContent& content, bool packed) 
   for (const Part& part : parts) end += alignedSize(part.payload.count * part.element_bytes);
   header.total_bytes = end;
 
-  std::vector<std::byte> bytes(end);  // zeros, so padding is zero
-  const std::span<std::byte> all{bytes};
+  const std::span<std::byte> all{memory(end), end};
   std::uint64_t offset = alignedSize(sizeof(Header) + table_bytes);
+  const auto pad = [all](std::uint64_t behind, std::uint64_t to) {
+    std::fill(all.data() + behind, all.data() + to, std::byte{0});
+  };
+  pad(sizeof(Header) + table_bytes, offset);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Part& part = parts[i];
     SectionEntry entry{};
@@ -97,14 +110,14 @@ std::vector<std::byte> writePackage(const PackageContent& content, bool packed) 
     entry.bytes = part.payload.count * part.element_bytes;
     entry.element_count = part.payload.count;
     entry.element_bytes = part.element_bytes;
-    std::memcpy(bytes.data() + offset, part.payload.data, entry.bytes);
+    std::memcpy(all.data() + offset, part.payload.data, entry.bytes);
+    pad(offset + entry.bytes, offset + alignedSize(entry.bytes));
     entry.checksum = checksum(all.subspan(offset, alignedSize(entry.bytes)));
-    std::memcpy(bytes.data() + sizeof(Header) + i * sizeof(SectionEntry), &entry, sizeof entry);
+    std::memcpy(all.data() + sizeof(Header) + i * sizeof(SectionEntry), &entry, sizeof entry);
     offset += alignedSize(entry.bytes);
   }
   header.checksum = checksum(std::as_bytes(std::span{&header, 1}), all.subspan(sizeof(Header), table_bytes));
-  std::memcpy(bytes.data(), &header, sizeof header);
-  return bytes;
+  std::memcpy(all.data(), &header, sizeof header);
 }
 
 }  // namespace sinew::formats

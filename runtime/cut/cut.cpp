@@ -103,6 +103,20 @@ struct MadePart {
   std::string fault;
 };
 
+/// Of bytes that are written once, where they stay.
+Result<std::shared_ptr<const Asset>> assetOf(const formats::PackageContent& content) {
+  static constexpr auto kAlignment = std::align_val_t(formats::kSectionAlignment);
+  std::shared_ptr<std::byte> memory;
+  std::size_t bytes = 0;
+  formats::writePackage(content, [&](std::size_t count) {
+    memory.reset(static_cast<std::byte*>(::operator new(count, kAlignment)),
+                 [](std::byte* p) { ::operator delete(p, kAlignment); });
+    bytes = count;
+    return memory.get();
+  });
+  return Asset::inPlace({memory.get(), bytes}, memory);
+}
+
 /// Throws nothing: it may run in a job.
 MadePart makePart(const cutting::Cut& cut, std::uint32_t number) {
   MadePart made;
@@ -110,7 +124,7 @@ MadePart makePart(const cutting::Cut& cut, std::uint32_t number) {
     Watch watch;
     const cutting::PartMesh& mesh = cut.partition.parts[number];
     cutting::PartContent content = cutting::makeContent(cut, number);
-    const auto asset = Asset::fromMemory(formats::writePackage(content.content));
+    const auto asset = assetOf(content.content);
     if (!asset) {
       made.fault = "a part is no package: " + asset.reason();
       return made;

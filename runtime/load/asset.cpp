@@ -72,8 +72,11 @@ Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte
   return Error{"out of memory"};
 }
 
-Result<std::shared_ptr<const Asset>> Asset::inPlace(std::span<const std::byte> bytes) try {
-  return open(std::shared_ptr<Asset>(new Asset), bytes);
+Result<std::shared_ptr<const Asset>> Asset::inPlace(std::span<const std::byte> bytes,
+                                                    std::shared_ptr<const void> owner) try {
+  std::shared_ptr<Asset> asset(new Asset);
+  asset->owner_ = std::move(owner);
+  return open(std::move(asset), bytes);
 } catch (const std::bad_alloc&) {
   return Error{"out of memory"};
 }

@@ -32,6 +32,15 @@ TEST(PackageBytes, CutAtEveryByteIsRefused) {
   }
 }
 
+TEST(PackageBytes, AreTheSameInMemoryOfTheCallers) {
+  for (const PackageContent& content : packages()) {
+    std::vector<std::byte> memory;
+    const auto dirty = [&memory](std::size_t count) { return memory.assign(count, std::byte{0xff}), memory.data(); };
+    writePackage(content, dirty);
+    EXPECT_EQ(memory, writePackage(content));
+  }
+}
+
 TEST(PackageBytes, CutAtEverySectionIsRefusedEvenWhenHeaderAndSumsAgree) {
   for (const PackageContent& content : packages()) {
     const std::vector<std::byte> bytes = writePackage(content);

@@ -287,6 +287,12 @@ TEST(Asset, InPlaceUsesAndKeepsTheBytes) {
     EXPECT_TRUE(std::ranges::equal(world.positions(body), other.positions(same)));
   }
   EXPECT_TRUE(std::ranges::equal(at.span(), bytes)) << "they are only read";
+  auto owner = std::make_shared<int>(0);
+  {
+    const auto asset = Asset::inPlace(at.span(), owner);
+    EXPECT_EQ(owner.use_count(), 2) << "kept with the asset";
+  }
+  EXPECT_EQ(owner.use_count(), 1);
   EXPECT_NE(Asset::inPlace({}).reason().find("cut short"), std::string::npos);
   for (const std::size_t shift : {1U, 4U, 32U, 63U}) {
     BytesAt odd(bytes, shift);

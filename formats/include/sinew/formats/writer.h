@@ -78,6 +78,9 @@ struct PackageContent {
 /// The content is not checked here: open the result with PackageView::open() before saving it.
 /// \param packed sections that can be are packed (kSectionPacked).
 [[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content, bool packed = false);
+/// The same into memory of the caller's. \param memory is asked once, for so many bytes; whatever they hold.
+void writePackage(const PackageContent& content, const std::function<std::byte*(std::size_t)>& memory,
+                  bool packed = false);
 
 /// A package's content, to be changed and written anew; sections unknown to this software are left out.
 [[nodiscard]] PackageContent contentOf(const PackageView& package);

@@ -34,8 +34,9 @@ class SINEW_API Asset {
   /// The same from memory, without a copy but of packed sections: for packages in an engine's own archives and maps.
   /// \param bytes the whole package, at an address that is a multiple of 64 (else an error). They are only read, so
   /// they may be write-protected and shared. They must stay unchanged until the asset is gone, which bodies made from
-  /// it keep alive: nothing is checked again after this call.
-  static Result<std::shared_ptr<const Asset>> inPlace(std::span<const std::byte> bytes);
+  /// it keep alive: nothing is checked again after this call. \param owner of the bytes, kept as long; null: none.
+  static Result<std::shared_ptr<const Asset>> inPlace(std::span<const std::byte> bytes,
+                                                      std::shared_ptr<const void> owner = nullptr);
 
   const formats::PackageView& package() const { return view_; }
 
@@ -63,7 +64,8 @@ class SINEW_API Asset {
   Asset();
   static Result<std::shared_ptr<const Asset>> open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes);
   formats::PackageView view_;
-  void* memory_ = nullptr;  // mapped or owned bytes, released by the destructor
+  std::shared_ptr<const void> owner_;  // of bytes in place
+  void* memory_ = nullptr;             // mapped or owned bytes, released by the destructor
   std::size_t bytes_ = 0;
   std::unique_ptr<const internal::RestConstants> constants_;
   struct Lazy;
