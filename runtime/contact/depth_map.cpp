@@ -115,6 +115,7 @@ void DepthMap::findBulge(std::span<const formats::FieldPoint> points) {
     for (const formats::FieldPoint& point : points) {
       const Vector3f way = place - asVector(point.at);
       if (way.squaredNorm() < kAround * kAround * point.area) over = std::min(over, normal.dot(way));
+      if (over <= bulge_) break;  // others stand out more
     }
     if (over < kNone) bulge_ = std::max(bulge_, over);
   }
