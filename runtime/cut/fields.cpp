@@ -111,20 +111,18 @@ class CutField {
   /// Makes the functions that are not driven diagonalize sum V (2 mu + lambda) grad grad^T; then the modes.
   void turn(MatrixXd& tethers) {
     const Index driven = functions_.driven, n = functions_.free();
-    const MatrixXd energy = stiffnessOf(samples_, functions_.count());
+    const MatrixXd energy = stiffnessOf(samples_);
     const geometry::SymmetricEigen eigen = geometry::symmetricEigen(energy.bottomRightCorner(n, n));
     const MatrixXd& q = eigen.vectors;
     stiffness_ = VectorXd::Zero(functions_.count());
     stiffness_.tail(n) = eigen.values.cwiseMax(0.0);
     functions_.turn(q);
-    for (Sample& sample : samples_) {
-      sample.gradients.bottomRows(n) = (q.transpose() * sample.gradients.bottomRows(n)).eval();
-    }
+    samples_.gradients.bottomRows(n) = (q.transpose() * samples_.gradients.bottomRows(n)).eval();
     if (tethers.size() > 0) {
       tethers.bottomRows(n) = (q.transpose() * tethers.bottomRows(n)).eval();
       tethers.rightCols(n) = (tethers.rightCols(n) * q).eval();
     }
-    modes_ = findModes(samples_, tethers, driven, functions_.count());
+    modes_ = findModes(samples_, tethers, driven);
   }
 
   /// The parent's points on the part, in their order, then places on the section, each as far as can be from those
@@ -201,7 +199,7 @@ class CutField {
     field.driven_count = std::uint32_t(functions_.driven);
     field.first_function = std::uint32_t(content_.field_functions.size());
     field.first_pack = std::uint32_t(content_.field_packs.size());
-    field.pack_count = std::uint32_t((samples_.size() + 7) / 8);
+    field.pack_count = std::uint32_t((samples_.list.size() + 7) / 8);
     field.first_gradient = std::uint32_t(content_.field_gradients.size());
     field.first_value = std::uint32_t(content_.field_values.size());
     field.first_point = std::uint32_t(content_.field_points.size());
@@ -238,12 +236,12 @@ class CutField {
   }
 
   void appendSamples() {
-    for (std::size_t first = 0; first < samples_.size(); first += 8) {
-      const std::size_t count = std::min<std::size_t>(8, samples_.size() - first);
+    for (std::size_t first = 0; first < samples_.list.size(); first += 8) {
+      const std::size_t count = std::min<std::size_t>(8, samples_.list.size() - first);
       formats::FieldPack pack = {};
       pack.cluster.fill(formats::kNone);
       for (std::size_t lane = 0; lane < count; ++lane) {
-        const Sample& sample = samples_[first + lane];
+        const Sample& sample = samples_.list[first + lane];
         pack.volume[lane] = float(sample.volume);
         pack.mu[lane] = float(sample.mu);
         pack.lambda[lane] = float(sample.lambda);
@@ -254,7 +252,9 @@ class CutField {
       for (Index j = 0; j < functions_.count(); ++j) {
         for (Index a = 0; a < 3; ++a) {
           formats::Lanes lanes = {};
-          for (std::size_t lane = 0; lane < count; ++lane) lanes[lane] = float(samples_[first + lane].gradients(j, a));
+          for (std::size_t lane = 0; lane < count; ++lane) {
+            lanes[lane] = float(samples_.gradients(j, 3 * Index(first + lane) + a));
+          }
           content_.field_gradients.push_back(lanes);
         }
       }
@@ -389,7 +389,7 @@ class CutField {
   Slopes slopes_;
   PartFunctions functions_;
   MatrixXd values_;  // vertices x functions
-  std::vector<Sample> samples_;
+  Samples samples_;
   VectorXd stiffness_;
   Modes modes_;
   std::vector<formats::Float3> places_;

@@ -83,7 +83,7 @@ MatrixXd ParentField::gradientsAt(std::uint32_t pack, std::size_t lane) const {
 }
 
 MatrixXd PartFunctions::gradientsFrom(const MatrixXd& of_parent_here) const {
-  return of_monomials.rightCols<3>() / size + of_parent * of_parent_here;
+  return (of_monomials.rightCols<3>() / size).replicate(1, of_parent_here.cols() / 3) + of_parent * of_parent_here;
 }
 
 MatrixXd PartFunctions::valuesFrom(const Eigen::MatrixX3d& at, const MatrixXd& of_parent_here) const {

@@ -57,7 +57,7 @@ struct PartFunctions {
 
   Eigen::Index count() const { return of_parent.rows(); }
   Eigen::Index free() const { return count() - driven; }
-  /// \param of_parent_here the parent's, k x 3.
+  /// At places, k x 3 for each. \param of_parent_here the parent's, the same.
   Eigen::MatrixXd gradientsFrom(const Eigen::MatrixXd& of_parent_here) const;
   /// At places, m: places x k. \param of_parent_here the parent's, places x its functions.
   Eigen::MatrixXd valuesFrom(const Eigen::MatrixX3d& at, const Eigen::MatrixXd& of_parent_here) const;

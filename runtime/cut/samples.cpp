@@ -34,6 +34,8 @@ class Finder {
         around_(around),
         jumps_(jumps) {
     listCells();
+    wanted_ = std::min(cells_.size(), kSamples * std::size_t(functions_.count()));
+    of_parent_.resize(parent_.count(), 3 * Index(std::max(wanted_, 8 * std::size_t(parent_.field().pack_count)) + 1));
     listParents();
     Places places(centers_.size(), jumps_.psi.size() > 0);
     for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i], depthOf(cells_[i]));
@@ -42,7 +44,10 @@ class Finder {
     weigh();
   }
 
-  std::vector<Sample> take() { return std::move(samples_); }
+  Samples take() {
+    MatrixXd gradients = functions_.gradientsFrom(of_parent_.leftCols(3 * Index(samples_.size())));
+    return {std::move(samples_), std::move(gradients)};
+  }
 
  private:
   /// A sample of the parent's, of whichever part.
@@ -101,13 +106,15 @@ class Finder {
           gradients.bottomRows(added) = slopes_.meanAt(tetrahedron(cell), around_, volume).bottomRows(added);
           depth = depthOf(cell);
         }
-        addSample(m, functions_.gradientsFrom(gradients), depth);
+        addSample(m, gradients, depth);
       }
     }
   }
 
-  void addSample(const Material& m, MatrixXd gradients, double depth) {
-    samples_.push_back({m.at, 0, m.mu, m.lambda, m.cluster, std::move(gradients)});
+  /// \param gradients the parent's.
+  void addSample(const Material& m, const MatrixXd& gradients, double depth) {
+    of_parent_.middleCols<3>(3 * Index(samples_.size())) = gradients;
+    samples_.push_back({m.at, 0, m.mu, m.lambda, m.cluster});
     depths_.push_back(depth);
   }
 
@@ -128,8 +135,7 @@ class Finder {
   }
 
   void fill(const Places& places) {
-    const std::size_t wanted = std::min(cells_.size(), kSamples * std::size_t(functions_.count()));
-    if (samples_.size() >= wanted) return;
+    if (samples_.size() >= wanted_) return;
     listSteepness();
     if (samples_.empty()) {
       // The middle first: all distances are infinite.
@@ -138,7 +144,7 @@ class Finder {
       places.squaredDistances(middle, 0, fresh_);
       addMean(firstLargest(-fresh_), places);
     }
-    while (samples_.size() < wanted) {
+    while (samples_.size() < wanted_) {
       const std::size_t farthest =
           steepness_.size() == 0 ? firstLargest(distance_) : firstLargest(distance_ * steepness_);
       if (!(distance_[Index(farthest)] > 0)) break;
@@ -175,7 +181,7 @@ class Finder {
     });
     m.at = centers_[cell];
     of_cell_[cell] = std::uint32_t(samples_.size());
-    addSample(m, functions_.gradientsFrom(gradient), depthOf(cells_[cell]));
+    addSample(m, gradient, depthOf(cells_[cell]));
     assign(places, std::uint32_t(samples_.size() - 1));
   }
 
@@ -184,7 +190,7 @@ class Finder {
       // Nothing but flat tetrahedra: what moves affinely.
       Material m = materials_[0];
       m.at = centers_[0];
-      addSample(m, functions_.gradientsFrom(MatrixXd::Zero(parent_.count(), 3)), 0);
+      addSample(m, MatrixXd::Zero(parent_.count(), 3), 0);
     }
     double all = 0;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
@@ -192,7 +198,13 @@ class Finder {
       all += tetrahedron(cells_[i]).volume;
     }
     if (!(all > 0)) samples_[0].volume = std::numeric_limits<float>::min();
-    std::erase_if(samples_, [](const Sample& s) { return !(float(s.volume) > 0); });
+    std::size_t kept = 0;
+    for (std::size_t s = 0; s < samples_.size(); ++s) {
+      if (!(float(samples_[s].volume) > 0)) continue;
+      of_parent_.middleCols<3>(3 * Index(kept)) = of_parent_.middleCols<3>(3 * Index(s)).eval();
+      samples_[kept++] = samples_[s];
+    }
+    samples_.resize(kept);
   }
 
   const FieldInput& input_;
@@ -208,7 +220,9 @@ class Finder {
   Eigen::ArrayXf distance_, fresh_;     // of the cells, squared: to their samples; scratch
   std::vector<std::uint32_t> of_cell_;  // samples
   std::vector<Material> materials_;
+  std::size_t wanted_ = 0;  // samples
   std::vector<Sample> samples_;
+  MatrixXd of_parent_;          // gradients of the parent's functions there
   std::vector<double> depths_;  // of samples: as of cells, m
   Eigen::ArrayXf steepness_;    // of cells; none: 1
 };
@@ -251,36 +265,37 @@ MatrixXd Slopes::meanAt(const PartTetrahedron& tetrahedron, const Around& around
   return gradient;
 }
 
-std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
-                                const PartFunctions& functions, const Slopes& slopes, const Around& around,
-                                const Jumps& jumps) {
+Samples findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
+                    const PartFunctions& functions, const Slopes& slopes, const Around& around, const Jumps& jumps) {
   return Finder(input, parent, nearest, functions, slopes, around, jumps).take();
 }
 
-MatrixXd stiffnessOf(const std::vector<Sample>& samples, Index k) {
-  MatrixXd all(k, 3 * Index(samples.size()));
-  for (std::size_t s = 0; s < samples.size(); ++s) {
-    const Sample& sample = samples[s];
-    all.middleCols<3>(3 * Index(s)) = std::sqrt(sample.volume * (2 * sample.mu + sample.lambda)) * sample.gradients;
+MatrixXd stiffnessOf(const Samples& samples) {
+  const Index k = samples.gradients.rows();
+  MatrixXd all = samples.gradients;
+  for (std::size_t s = 0; s < samples.list.size(); ++s) {
+    const Sample& sample = samples.list[s];
+    all.middleCols<3>(3 * Index(s)) *= std::sqrt(sample.volume * (2 * sample.mu + sample.lambda));
   }
   MatrixXd energy = MatrixXd::Zero(k, k);
   energy.selfadjointView<Eigen::Lower>().rankUpdate(all);
   return energy.selfadjointView<Eigen::Lower>();
 }
 
-Modes findModes(const std::vector<Sample>& samples, const MatrixXd& tethers, Index first, Index k) {
+Modes findModes(const Samples& samples, const MatrixXd& tethers, Index first) {
   // K_ij = V (mu (g_i . g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T), by axes: sums over samples of products.
-  const Index n = k - first, count = Index(samples.size());
+  const Index n = samples.gradients.rows() - first, count = Index(samples.list.size());
+  VectorXd mu(count), lambda(count);
+  for (Index s = 0; s < count; ++s) {
+    const Sample& sample = samples.list[std::size_t(s)];
+    mu[s] = sample.volume * sample.mu;
+    lambda[s] = sample.volume * sample.lambda;
+  }
   std::array<MatrixXd, 3> slope, shear, bulk;
   for (std::size_t a = 0; a < 3; ++a) {
-    for (MatrixXd* m : {&slope[a], &shear[a], &bulk[a]}) m->resize(n, count);
-    for (Index s = 0; s < count; ++s) {
-      const Sample& sample = samples[std::size_t(s)];
-      const VectorXd gradient = sample.gradients.col(Index(a)).tail(n);
-      slope[a].col(s) = gradient;
-      shear[a].col(s) = sample.volume * sample.mu * gradient;
-      bulk[a].col(s) = sample.volume * sample.lambda * gradient;
-    }
+    slope[a] = samples.gradients(Eigen::seqN(first, n), Eigen::seqN(Index(a), count, 3));
+    shear[a] = slope[a] * mu.asDiagonal();
+    bulk[a] = slope[a] * lambda.asDiagonal();
   }
   MatrixXd energy(3 * n, 3 * n), dot = MatrixXd::Zero(n, n);
   for (std::size_t a = 0; a < 3; ++a) {

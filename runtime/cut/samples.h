@@ -17,7 +17,11 @@ struct Sample {
   Vector3d at;                             ///< m, at rest
   double volume = 0, mu = 0, lambda = 0;   ///< m^3; Pa
   std::uint32_t cluster = formats::kNone;  ///< of the part
-  Eigen::MatrixXd gradients;               ///< k x 3, of the part's functions
+};
+
+struct Samples {
+  std::vector<Sample> list;
+  Eigen::MatrixXd gradients;  ///< of the part's functions, k x 3 for each sample
 };
 
 /// Slopes of the parent's functions in the tetrahedra of a part's piece.
@@ -40,12 +44,11 @@ class Slopes {
 /// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough
 /// for the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
 /// Distances across a slit grow by its size times the jump of psi; where psi is steep samples are denser.
-std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
-                                const PartFunctions& functions, const Slopes& slopes, const Around& around,
-                                const Jumps& jumps);
+Samples findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
+                    const PartFunctions& functions, const Slopes& slopes, const Around& around, const Jumps& jumps);
 
 /// Sum V (2 mu + lambda) grad grad^T, k x k.
-Eigen::MatrixXd stiffnessOf(const std::vector<Sample>& samples, Eigen::Index k);
+Eigen::MatrixXd stiffnessOf(const Samples& samples);
 
 /// Vibrations of the samples' elasticity at rest, and of tethers.
 struct Modes {
@@ -53,6 +56,6 @@ struct Modes {
   Eigen::VectorXd squares;  ///< angular frequencies squared, 1/s^2, ascending
 };
 /// \param first function that may move. \param tethers k x k, 1/s^2, of each axis; of size 0: none.
-Modes findModes(const std::vector<Sample>& samples, const Eigen::MatrixXd& tethers, Eigen::Index first, Eigen::Index k);
+Modes findModes(const Samples& samples, const Eigen::MatrixXd& tethers, Eigen::Index first);
 
 }  // namespace sinew::cutting
