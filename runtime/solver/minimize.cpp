@@ -503,8 +503,10 @@ void Minimand::takeOwn(const float* from, const float* to, const float* gradient
     }
     for (const TouchRow& row : pieces[i]->touch_rows) {
       const Touch& touch = touches[row.touch];
+      const bool pushes = gapOf(touch) < 0;
+      if (!pushes && touch.pulled.isZero(0)) continue;
       Four more = -row.sign * padded(touch.force.pull - touch.pulled);
-      if (gapOf(touch) < 0) more += touch.kappa * sumOfRows(row.phi, way, k);
+      if (pushes) more += touch.kappa * sumOfRows(row.phi, way, k);
       addTo(bend, row.phi, more, k);
     }
     own_pairs[i]->keep();
