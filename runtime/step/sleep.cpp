@@ -15,6 +15,8 @@ namespace {
 constexpr double kResting = 1e-3;
 /// What flows has to rest so many times as long: sleep ends creep only where that goes a percent in a minute at most.
 constexpr double kFlowing = 10;
+/// Of that time a step counts so much at most: long ones stop all that moves.
+constexpr double kPart = 0.1;
 
 /// Whether something holds or carries every piece: what floats may drift as slowly as it likes.
 bool isSupported(const Body& body) {
@@ -65,7 +67,7 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
   for (const BodyPointer& body : bodies) {
     if (body->asleep() || body->pieces.empty()) continue;
     if (isStill(*body, double(settings.sleep_seconds)) && isSupported(*body)) {
-      body->still += seconds;
+      body->still += std::min(seconds, kPart * double(settings.sleep_seconds));
       ready = ready || hasRested(*body, double(settings.sleep_seconds));
       continue;
     }
