@@ -574,7 +574,8 @@ TEST(Touch, WhatIsPressedFlatDoesNotExplode) {
   std::vector<BodyId> bodies;
   for (int i = 0; i < 108; ++i) {
     BodySettings at;
-    at.position = {0.97F * float(i % 6) + 0.1F * float(i / 36), 0.5F + 0.95F * float(i / 36), 0.97F * float(i / 6 % 6)};
+    const int row = i / 6, layer = row / 6;
+    at.position = {0.97F * float(i % 6) + 0.1F * float(layer), 0.5F + 0.95F * float(layer), 0.97F * float(row % 6)};
     at.stiffness_scale = i % 2 == 0 ? 0.1F : 4.0F;
     bodies.push_back(*world.addBody(asset, at));
   }
