@@ -495,21 +495,18 @@ void Minimand::pullOn() const {
 void Minimand::takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const {
   if (own_pairs.empty()) return;
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
-    const std::uint32_t k = pieces[i]->field->k;
-    float *const way = own_pairs[i]->nextOffset(), *const bend = own_pairs[i]->nextChange();
-    for (std::uint32_t j = 0; j < 4 * k; ++j) {
-      way[j] = to[first[i] + j] - from[first[i] + j];
-      bend[j] = next_gradient[first[i] + j] - gradient[first[i] + j];
-    }
+    const std::uint32_t k = pieces[i]->field->k, at = first[i];
+    Pairs& own = *own_pairs[i];
+    own.propose(from + at, to + at, gradient + at, next_gradient + at, 0, 4 * k);
     for (const TouchRow& row : pieces[i]->touch_rows) {
       const Touch& touch = touches[row.touch];
       const bool pushes = gapOf(touch) < 0;
       if (!pushes && touch.pulled.isZero(0)) continue;
       Four more = -row.sign * padded(touch.force.pull - touch.pulled);
-      if (pushes) more += touch.kappa * sumOfRows(row.phi, way, k);
-      addTo(bend, row.phi, more, k);
+      if (pushes) more += touch.kappa * sumOfRows(row.phi, own.nextOffset(), k);
+      addTo(own.nextChange(), row.phi, more, k);
     }
-    own_pairs[i]->keep();
+    own.keep();
   });
   pullOn();
 }

@@ -117,13 +117,18 @@ void Pairs::expand(float* direction, JobSystem* jobs) const {
 void Pairs::take(const float* from, const float* to, const float* gradient, const float* next_gradient,
                  JobSystem* jobs) {
   keep(sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
-    float *const way = nextOffset(), *const bend = nextChange();
-    for (std::uint32_t j = begin; j < end; ++j) {
-      way[j] = to[j] - from[j];
-      bend[j] = next_gradient[j] - gradient[j];
-    }
-    return productsOf(way + begin, bend + begin, end - begin);
+    propose(from, to, gradient, next_gradient, begin, end);
+    return productsOf(nextOffset() + begin, nextChange() + begin, end - begin);
   }));
+}
+
+void Pairs::propose(const float* from, const float* to, const float* gradient, const float* next_gradient,
+                    std::uint32_t begin, std::uint32_t end) {
+  float *const way = offset(next()), *const bend = nextChange();
+  for (std::uint32_t j = begin; j < end; ++j) {
+    way[j] = to[j] - from[j];
+    bend[j] = next_gradient[j] - gradient[j];
+  }
 }
 
 void Pairs::keep() { keep(productsOf(nextOffset(), nextChange(), n_)); }

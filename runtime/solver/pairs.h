@@ -46,8 +46,10 @@ class Pairs {
   /// \param from, to places. \param gradient, next_gradient there.
   void take(const float* from, const float* to, const float* gradient, const float* next_gradient,
             JobSystem* jobs = nullptr);
-  /// Where take() has the offset and the change of the next pair, until keep().
-  float* nextOffset() { return offset(next()); }
+  /// take() in two: what the next pair is to be, of the floats from `begin` to `end`, to be changed until keep().
+  void propose(const float* from, const float* to, const float* gradient, const float* next_gradient,
+               std::uint32_t begin, std::uint32_t end);
+  const float* nextOffset() const { return offset(next()); }
   float* nextChange() { return change(next()); }
   void keep();
 
