@@ -9,6 +9,7 @@
 
 #include "runtime/kernels/attach_layout.h"
 #include "runtime/kernels/field_layout.h"
+#include "runtime/kernels/push_layout.h"
 
 namespace sinew::internal {
 
@@ -31,6 +32,11 @@ struct Kernels {
   void (*field_values)(const FieldValuesArguments& arguments);
   void (*residual_values)(const ResidualValuesArguments& arguments);
   void (*field_heights)(const FieldHeightsArguments& arguments);
+  void (*push_ways)(const PushArguments& arguments);
+  double (*push_forces)(const PushArguments& arguments);  ///< \return joule
+  double (*push_rubs)(const PushArguments& arguments);    ///< \return joule
+  void (*add_pulls)(const PushSideArguments& arguments);
+  void (*add_bends)(const PushSideArguments& arguments);
   const AttachKernels& attach;
 };
 

@@ -12,6 +12,7 @@
 #define SINEW_NARROW_KERNELS_HERE
 #include "runtime/kernels/attach.h"
 #include "runtime/kernels/field.h"
+#include "runtime/kernels/push.h"
 #endif
 
 namespace sinew::internal::SINEW_NARROW_KERNELS {
@@ -26,6 +27,11 @@ void addProductOf(const ProductArguments& a);
 void fieldValuesOf(const FieldValuesArguments& a);
 void residualValuesOf(const ResidualValuesArguments& a);
 void fieldHeightsOf(const FieldHeightsArguments& a);
+void pushWaysOf(const PushArguments& a);
+double pushForcesOf(const PushArguments& a);
+double pushRubsOf(const PushArguments& a);
+void addPullsOf(const PushSideArguments& a);
+void addBendsOf(const PushSideArguments& a);
 
 }  // namespace sinew::internal::SINEW_NARROW_KERNELS
 
@@ -42,6 +48,11 @@ void addProductOf(const ProductArguments& a) { addProduct(a); }
 void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
 void residualValuesOf(const ResidualValuesArguments& a) { residualValues(a); }
 void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
+void pushWaysOf(const PushArguments& a) { pushWays(a); }
+double pushForcesOf(const PushArguments& a) { return pushForces(a); }
+double pushRubsOf(const PushArguments& a) { return pushRubs(a); }
+void addPullsOf(const PushSideArguments& a) { addPulls(a); }
+void addBendsOf(const PushSideArguments& a) { addBends(a); }
 #endif
 
 inline constexpr Kernels tableNamed(const char* name) {
@@ -56,6 +67,11 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::fieldValuesOf,
           narrow::residualValuesOf,
           narrow::fieldHeightsOf,
+          narrow::pushWaysOf,
+          narrow::pushForcesOf,
+          narrow::pushRubsOf,
+          narrow::addPullsOf,
+          narrow::addBendsOf,
           narrow::kAttach};
 }
 

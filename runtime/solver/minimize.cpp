@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "runtime/kernels/friction.h"
 #include "runtime/solver/for_each.h"
 #include "runtime/solver/rigid_coupling.h"
 
@@ -17,8 +18,6 @@ namespace {
 constexpr std::uint32_t kCuts = 2;
 /// Pairs of an island, beside those of its pieces: its vectors are long.
 constexpr std::uint32_t kPairs = 3;
-/// Touches of an island that a job takes at least.
-constexpr std::uint32_t kTouchesAJob = 64;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
@@ -108,17 +107,10 @@ Eigen::Vector3f slideOf(const Push& push) { return push.slide + (push.way - push
 
 /// Force of friction under a load.
 PushForce rubForce(const Push& push, float load) {
-  PushForce force;
   const Eigen::Vector3f slide = slideOf(push);
-  const float length = slide.norm(), most = push.friction * load;
-  if (push.kappa * length <= most) {
-    force.pull = push.kappa * slide;
-    force.energy = 0.5 * double(push.kappa) * double(length) * double(length);
-  } else if (most > 0) {
-    force.pull = (most / length) * slide;
-    force.energy = double(most) * (double(length) - 0.5 * double(most) / double(push.kappa));
-  }
-  return force;
+  const auto rub =
+      baseline::rubOf(double(push.kappa), double(push.friction), double(slide.norm()), double(load));
+  return {float(rub.scale) * slide, rub.energy};
 }
 
 float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
@@ -418,62 +410,36 @@ double Objective::roughStiffness() const {
   return kRough * double(stiffness) * omega * omega;
 }
 
-Eigen::Vector3f Minimand::wayOf(const Touch& touch, const float* d) const {
-  const Four way = sumOfRows(touch.phi_a, d + first[touch.a], pieces[touch.a]->field->k) -
-                   sumOfRows(touch.phi_b, d + first[touch.b], pieces[touch.b]->field->k);
-  return way.matrix().head<3>();
-}
-
-void Minimand::addForces(std::uint32_t piece, float* gradient) const {
-  for (const TouchRow& row : pieces[piece]->touch_rows) {
-    const Eigen::Vector3f& pull = touches[row.touch].force.pull;
-    if (pull.isZero(0)) continue;
-    addTo(gradient + first[piece], row.phi, row.sign * padded(pull), pieces[piece]->field->k);
-  }
-}
-
 // Touches first, each once, then what each piece has of them: in an order that no thread changes.
 Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const {
   if (isAlone()) return pieces[0]->at(d, gradient, mark);
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
-    touches[i].way = wayOf(touches[i], d);
-    touches[i].force = pushForce(touches[i]);
-  });
+  Objective::Value value;
+  value.total = lanes->evaluate(d, first, jobs);
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     values[i] = pieces[i]->at(d + first[i], gradient + first[i], mark);
-    addForces(i, gradient);
+    lanes->addPulls(i, gradient + first[i]);
   });
-  Objective::Value value;
   for (const Objective::Value& one : values) {
     value.total += one.total;
     value.elastic += one.elastic;
   }
-  for (const Touch& touch : touches) value.total += touch.force.energy;
   return value;
 }
 
 double Minimand::rub(float* gradient) const {
   if (isAlone()) return pieces[0]->rub(gradient);
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
-    touches[i].force = pressAnew(touches[i]);
-    touches[i].pulled += touches[i].force.pull;
-  });
+  double total = lanes->rub(jobs);
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     values[i].total = pieces[i]->rub(gradient + first[i]);
-    addForces(i, gradient);
+    lanes->addPulls(i, gradient + first[i]);
   });
-  double total = 0;
   for (const Objective::Value& one : values) total += one.total;
-  for (const Touch& touch : touches) total += touch.force.energy;
   return total;
 }
 
 void Minimand::press(const float* d) const {
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) { pieces[i]->press(d + first[i]); });
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
-    touches[i].way = wayOf(touches[i], d);
-    touches[i].pressed = loadOf(touches[i]);
-  });
+  if (lanes != nullptr) lanes->place(d, first, true, jobs);
 }
 
 void Minimand::precondition(float* g) const {
@@ -487,28 +453,16 @@ void Minimand::precondition(float* g) const {
   if (rigid != nullptr) rigid->give(*this, g);
 }
 
-void Minimand::pullOn() const {
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob,
-          [&](std::uint32_t i) { touches[i].pulled = touches[i].force.pull; });
-}
-
 void Minimand::takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const {
   if (own_pairs.empty()) return;
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
-    const std::uint32_t k = pieces[i]->field->k, at = first[i];
+    const std::uint32_t at = first[i];
     Pairs& own = *own_pairs[i];
-    own.propose(from + at, to + at, gradient + at, next_gradient + at, 0, 4 * k);
-    for (const TouchRow& row : pieces[i]->touch_rows) {
-      const Touch& touch = touches[row.touch];
-      const bool pushes = gapOf(touch) < 0;
-      if (!pushes && touch.pulled.isZero(0)) continue;
-      Four more = -row.sign * padded(touch.force.pull - touch.pulled);
-      if (pushes) more += touch.kappa * sumOfRows(row.phi, own.nextOffset(), k);
-      addTo(own.nextChange(), row.phi, more, k);
-    }
+    own.propose(from + at, to + at, gradient + at, next_gradient + at, 0, 4 * pieces[i]->field->k);
+    lanes->addBends(i, own.nextOffset(), own.nextChange());
     own.keep();
   });
-  pullOn();
+  lanes->pullOn(jobs);
 }
 
 bool Minimand::hasFriction() const {
@@ -517,7 +471,7 @@ bool Minimand::hasFriction() const {
     const auto& contacts = piece->scratch->contacts;
     return std::any_of(contacts.begin(), contacts.end(), slows);
   };
-  return std::any_of(touches.begin(), touches.end(), slows) || std::any_of(pieces.begin(), pieces.end(), rubs);
+  return (lanes != nullptr && lanes->hasFriction()) || std::any_of(pieces.begin(), pieces.end(), rubs);
 }
 
 double Minimand::heldByContacts(const float* direction) const {
@@ -527,7 +481,7 @@ double Minimand::heldByContacts(const float* direction) const {
     double& held = values[i].total;
     held = piece.heldByContacts(direction + first[i]);
     for (const TouchRow& row : piece.touch_rows) {
-      if (gapOf(touches[row.touch]) < 0) continue;
+      if (pushes(row)) continue;
       const Eigen::Vector3f way = sumOfRows(row.phi, direction + first[i], piece.field->k).matrix().head<3>();
       held += double(row.firm) * double(way.squaredNorm());
     }
@@ -556,20 +510,16 @@ double Minimand::unsettled2(const float* direction, const float* d) const {
 double Minimand::fallen2(const float* gradient, const float* d) const {
   double most = 0;
   for (std::uint32_t i = 0; i < pieces.size(); ++i) {
-    const auto pushes = [&](const TouchRow& row) { return gapOf(touches[row.touch]) < 0; };
     const auto rows = pieces[i]->touch_rows;
-    if (std::any_of(rows.begin(), rows.end(), pushes)) continue;
+    if (std::any_of(rows.begin(), rows.end(), [this](const TouchRow& row) { return pushes(row); })) continue;
     most = std::max(most, pieces[i]->fallen2(gradient + first[i]) / settled2(i, d));
   }
   return most;
 }
 
 void Minimand::renew(const float* d, bool pushing_only) const {
-  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
-    Touch& touch = touches[i];
-    touch.way = wayOf(touch, d);
-    touch.firm = !pushing_only || gapOf(touch) < 0 ? touch.kappa : 0;
-  });
+  if (lanes != nullptr) lanes->place(d, first, false, jobs);
+  for (TouchLink& touch : touches) touch.firm = !pushing_only || lanes->gap(touch.slot) < 0 ? touch.kappa : 0;
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     Objective& piece = *pieces[i];
     for (Contact& contact : piece.scratch->contacts) {
@@ -636,7 +586,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     for (Pairs* own : minimand.own_pairs) visit(*own);
   };
   const auto clear = [&] { all([](Pairs& some) { some.clear(); }); };
-  minimand.pullOn();
+  if (minimand.lanes != nullptr) minimand.lanes->pullOn(jobs);
   double energy_noise = 0;
   for (const Objective* piece : minimand.pieces) {
     energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->size2();

@@ -13,6 +13,7 @@
 #include "runtime/solver/pairs.h"
 #include "runtime/solver/piece.h"
 #include "runtime/solver/system.h"
+#include "runtime/solver/touch_lanes.h"
 #include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
@@ -53,13 +54,17 @@ struct Contact : Push {
   const float* phi;        ///< its row, k
 };
 
-/// Two points that push each other apart, out of b. A pull on one pulls the other back. Of one piece (a = b) phi_a is
-/// the difference of their rows, phi_b 0.
+/// Two points that push each other apart, out of b. A pull on one pulls the other back. Of one piece (a = b) the row of
+/// a is the difference of theirs.
 struct Touch : Push {
-  std::uint32_t a, b;          ///< pieces of a Minimand
-  const float *phi_a, *phi_b;  ///< their rows
-  PushForce force;             ///< at the last evaluation; of rub() how much it has changed
-  Eigen::Vector3f pulled;      ///< the pull where the minimization has come to, N
+  std::uint32_t a, b;  ///< pieces
+};
+
+/// What first matrices know of a touch.
+struct TouchLink {
+  std::uint32_t a, b;  ///< pieces of a Minimand
+  std::uint32_t slot;  ///< in TouchLanes
+  float kappa, firm;   ///< Push
 };
 
 /// A Touch as one of its pieces has it.
@@ -67,7 +72,7 @@ struct TouchRow {
   const float* phi;
   float firm;           ///< Push::firm
   std::uint32_t key;    ///< of what touches: rows of one key are alike from step to step
-  std::uint32_t touch;  ///< of the Minimand
+  std::uint32_t touch;  ///< Minimand::touches
   float sign;           ///< of its force on the piece
 };
 
@@ -163,7 +168,8 @@ struct Minimand {
   std::span<SystemFactor* const> systems;
   std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
   std::uint32_t size = 0;                ///< of the vectors, floats
-  std::span<Touch> touches;
+  std::span<TouchLink> touches;
+  TouchLanes* lanes = nullptr;  ///< where they are evaluated; null: there are none
   MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
@@ -184,8 +190,6 @@ struct Minimand {
   /// all together meet what is between them (partitioned secant updates, Griewank and Toint 1982).
   /// \param from, to, gradient, next_gradient as in Pairs::take(), the last before rub().
   void takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const;
-  /// What touches pull at the last evaluation counts as pulled.
-  void pullOn() const;
   bool hasFriction() const;
   /// Objective::heldByContacts() of all, and of the touches.
   double heldByContacts(const float* direction) const;
@@ -202,10 +206,8 @@ struct Minimand {
   /// Objective::settled2() of a piece at d.
   double settled2(std::uint32_t piece, const float* d) const;
   bool isAlone() const { return pieces.size() == 1 && touches.empty(); }
-  /// Way of a touch's points apart.
-  Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
-  /// Adds the touches' forces on a piece.
-  void addForces(std::uint32_t piece, float* gradient) const;
+  /// Whether a touch pushed where last evaluated.
+  bool pushes(const TouchRow& row) const { return lanes->gap(touches[row.touch].slot) < 0; }
 };
 
 /// L-BFGS about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where the

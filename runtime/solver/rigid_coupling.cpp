@@ -147,15 +147,15 @@ void RigidCoupling::make(const Minimand& minimand) {
     if (!invert(node.inverse, node.own)) node.own.setZero();
   });
   // Of touches, by the nodes that they couple.
-  const auto keyOf = [&](const Touch& touch) {
+  const auto keyOf = [&](const TouchLink& touch) {
     const std::uint64_t a = node_of_[touch.a], b = node_of_[touch.b];
     return std::min(a, b) << 32 | std::max(a, b);
   };
-  const auto couples = [&](const Touch& touch) {
+  const auto couples = [&](const TouchLink& touch) {
     return touch.a != touch.b && node_of_[touch.a] != formats::kNone && node_of_[touch.b] != formats::kNone;
   };
   keys_.clear();
-  for (const Touch& touch : minimand.touches) {
+  for (const TouchLink& touch : minimand.touches) {
     if (couples(touch) && (keys_.empty() || keys_.back() != keyOf(touch))) keys_.push_back(keyOf(touch));
   }
   sortAscending({keys_.data(), keys_.size()});
@@ -163,7 +163,7 @@ void RigidCoupling::make(const Minimand& minimand) {
   for (const auto* key = keys_.begin(); key != end; ++key) couplings_.push_back({*key, Block::Zero()});
   Coupling* coupling = nullptr;
   for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
-    const Touch& touch = minimand.touches[i];
+    const TouchLink& touch = minimand.touches[i];
     if (!couples(touch)) continue;
     const std::uint64_t key = keyOf(touch);
     if (coupling == nullptr || coupling->key != key) coupling = find(key);

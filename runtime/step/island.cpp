@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "runtime/solver/for_each.h"
 #include "runtime/step/rigid.h"
@@ -24,11 +25,17 @@ std::uint32_t keyOf(const TouchMemory& memory) {
 
 }  // namespace
 
+void IslandSize::include(const IslandSize& other) {
+  for (const auto one : {&IslandSize::members, &IslandSize::functions, &IslandSize::touches, &IslandSize::pairs,
+                         &IslandSize::packs, &IslandSize::rows}) {
+    this->*one = std::max(this->*one, other.*one);
+  }
+}
+
 // Memory for the next power of two, so that it seldom grows.
-void IslandScratch::reserve(std::size_t steps, std::size_t members, std::size_t functions, std::size_t touch_count) {
-  members = std::bit_ceil(members);
-  functions = std::bit_ceil(functions);
-  touch_count = std::bit_ceil(touch_count);
+void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
+  const std::size_t members = std::bit_ceil(size.members), functions = std::bit_ceil(size.functions),
+                    touch_count = std::bit_ceil(size.touches);
   vectors.reserveVectors(4 * functions);
   rigid.reserve(members, functions, touch_count);
   for (Array<std::uint32_t>* array : {&first, &order, &next_row}) array->reserve(members + 1);
@@ -39,6 +46,7 @@ void IslandScratch::reserve(std::size_t steps, std::size_t members, std::size_t 
   values.reserve(members);
   touches.reserve(touch_count);
   rows.reserve(2 * touch_count);
+  lanes.reserve(members, std::bit_ceil(size.pairs), std::bit_ceil(size.packs), std::bit_ceil(size.rows));
 }
 
 void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered) {
@@ -60,7 +68,7 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
   leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
     const FoundTouch& found = *found_[i];
-    const Touch& touch = scratch_.touches[i];
+    const TouchLink& touch = scratch_.touches[i];
     remembered[i] =
         rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b], all.d.data() + scratch_.first[touch.a],
                       all.d.data() + scratch_.first[touch.b], all_rows_);
@@ -86,12 +94,14 @@ void Island::gather() {
   s.values.resize(members_.size());
   s.vectors.reserveVectors(size);
   gatherRows();
+  gatherPairs();
   minimand_.pieces = {s.objectives.data(), s.objectives.size()};
   minimand_.systems = {s.systems.data(), s.systems.size()};
   minimand_.own_pairs = {s.own_pairs.data(), s.own_pairs.size()};
   minimand_.first = {s.first.data(), s.first.size()};
   minimand_.size = size;
   minimand_.touches = {s.touches.data(), s.touches.size()};
+  minimand_.lanes = &s.lanes;
   minimand_.vectors = &s.vectors;
   minimand_.values = {s.values.data(), s.values.size()};
   minimand_.jobs = jobs_;
@@ -111,24 +121,48 @@ void Island::gatherRows() {
   s.next_row.resize(members_.size() + 1);
   std::fill(s.next_row.begin(), s.next_row.end(), 0U);
   for (std::size_t i = 0; i < found_.size(); ++i) {
-    Touch& touch = s.touches[i];
-    touch = found_[i]->touch;
-    touch.firm = touch.kappa;
-    touch.phi_a = all_rows_.data() + found_[i]->row_a;
-    touch.phi_b = all_rows_.data() + found_[i]->row_b;
-    touch.a = s.place[found_[i]->touch.a];
-    touch.b = s.place[found_[i]->touch.b];
+    const Touch& found = found_[i]->touch;
+    TouchLink& touch = s.touches[i];
+    touch = {s.place[found.a], s.place[found.b], 0, found.kappa, found.kappa};
     ++s.next_row[touch.a + 1];
     if (touch.a != touch.b) ++s.next_row[touch.b + 1];
   }
   for (std::size_t i = 0; i < members_.size(); ++i) s.next_row[i + 1] += s.next_row[i];
   s.rows.resize(2 * found_.size());
   for (std::uint32_t i = 0; i < s.touches.size(); ++i) {
-    const Touch& touch = s.touches[i];
-    const std::uint32_t key = keyOf(found_[i]->memory);
-    s.rows[s.next_row[touch.a]++] = {touch.phi_a, touch.kappa, key, i, 1};
-    if (touch.a != touch.b) s.rows[s.next_row[touch.b]++] = {touch.phi_b, touch.kappa, ~key, i, -1};
+    const TouchLink& touch = s.touches[i];
+    const FoundTouch& found = *found_[i];
+    const std::uint32_t key = keyOf(found.memory);
+    s.rows[s.next_row[touch.a]++] = {all_rows_.data() + found.row_a, touch.kappa, key, i, 1};
+    if (touch.a != touch.b) {
+      s.rows[s.next_row[touch.b]++] = {all_rows_.data() + found.row_b, touch.kappa, ~key, i, -1};
+    }
   }
+}
+
+void Island::gatherPairs() {
+  IslandScratch& s = scratch_;
+  s.lanes.clear();
+  const auto pieces_of = [&](std::size_t i) {
+    return std::pair(std::min(s.touches[i].a, s.touches[i].b), std::max(s.touches[i].a, s.touches[i].b));
+  };
+  std::uint32_t end = 0;
+  for (std::uint32_t first = 0; first < s.touches.size(); first = end) {
+    const auto [a, b] = pieces_of(first);
+    while (end < s.touches.size() && pieces_of(end) == std::pair(a, b)) ++end;
+    const std::uint32_t slot = s.lanes.addPair(a, member(a).field().k, b, a == b ? 0 : member(b).field().k,
+                                               {first, end - first});
+    for (std::uint32_t i = first; i < end; ++i) s.touches[i].slot = slot + (i - first);
+  }
+  forEach(jobs_, std::uint32_t(s.lanes.pairs().size()), kPiecesAJob, [&](std::uint32_t pair) {
+    const TouchPair& of = s.lanes.pairs()[pair];
+    for (std::uint32_t i = of.touches.first; i < of.touches.first + of.touches.count; ++i) {
+      const FoundTouch& found = *found_[i];
+      s.lanes.set(s.touches[i].slot, of, found.touch, all_rows_.data() + found.row_a, all_rows_.data() + found.row_b,
+                  s.touches[i].a != of.a);
+    }
+  });
+  s.lanes.finish(std::uint32_t(members_.size()));
 }
 
 void Island::couple(const Vector3d& gravity) {

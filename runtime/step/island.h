@@ -11,6 +11,14 @@
 
 namespace sinew::internal {
 
+/// How many an island has of all, and floats of its pairs' rows (TouchLanes).
+struct IslandSize {
+  std::size_t members = 0, functions = 0, touches = 0, pairs = 0, packs = 0, rows = 0;
+
+  /// The larger of each.
+  void include(const IslandSize& other);
+};
+
 /// Memory that islands use one after the other.
 struct IslandScratch {
   explicit IslandScratch(std::pmr::memory_resource* memory)
@@ -24,10 +32,11 @@ struct IslandScratch {
         systems(memory),
         own_pairs(memory),
         touches(memory),
+        lanes(memory),
         rows(memory),
         values(memory) {}
-  /// Room for islands of at most so many members, functions and touches, among so many steps.
-  void reserve(std::size_t steps, std::size_t members, std::size_t functions, std::size_t touches);
+  /// Room for islands of at most this size, among so many steps.
+  void reserve(std::size_t steps, const IslandSize& size);
 
   MinimizeScratch vectors;
   RigidCoupling rigid;
@@ -35,7 +44,8 @@ struct IslandScratch {
   Array<Objective*> objectives;
   Array<SystemFactor*> systems;
   Array<Pairs*> own_pairs;
-  Array<Touch> touches;
+  Array<TouchLink> touches;
+  TouchLanes lanes;
   Array<TouchRow> rows;
   Array<Objective::Value> values;
 };
@@ -56,6 +66,8 @@ class Island {
   void gather();
   /// Rows by piece: each touch is one of both its sides.
   void gatherRows();
+  /// Touches by pairs of pieces: \pre those of a pair come together.
+  void gatherPairs();
   /// Orders pieces from top to bottom, so that RigidCoupling eliminates each before those it rests on.
   void couple(const Vector3d& gravity);
   /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.

@@ -375,11 +375,16 @@ class Together {
     std::size_t p = 0;
     for (std::size_t m = 0; m < s.members.size();) {
       const std::uint64_t root = s.members[m] >> 32;
-      IslandRange island = {std::uint32_t(s.ids.size()), 0, std::uint32_t(s.own.size()), 0};
+      IslandRange island = {std::uint32_t(s.ids.size()), 0, std::uint32_t(s.own.size()), 0, 0, 0, 0};
       for (; m < s.members.size() && s.members[m] >> 32 == root; ++m) s.ids.push_back(std::uint32_t(s.members[m]));
       for (; p < s.touching_pairs.size() && s.touching_pairs[p] >> 32 == root; ++p) {
         const TouchRange range = s.pair_touches[std::uint32_t(s.touching_pairs[p])];
         for (std::uint32_t i = 0; i < range.count; ++i) s.own.push_back(&s.found.touches[range.first + i]);
+        const Touch& touch = s.own.back()->touch;
+        const std::uint32_t packs = TouchLanes::packsOf(range.count);
+        ++island.pairs;
+        island.packs += packs;
+        island.rows += TouchLanes::rowsOf(packs, s.steps[touch.a].field().k, s.steps[touch.b].field().k);
       }
       island.members = std::uint32_t(s.ids.size()) - island.first_member;
       island.touches = std::uint32_t(s.own.size()) - island.first_touch;
@@ -406,28 +411,26 @@ class Together {
   /// Large ones one after the other, each shared by all threads; small ones side by side.
   void solveIslands() {
     TogetherScratch& s = scratch_;
-    std::size_t members = 0, functions = 0, touches = 0;
+    IslandSize most;
     s.small.clear();
     for (std::uint32_t i = 0; i < s.islands.size(); ++i) {
       const IslandRange& island = s.islands[i];
-      std::size_t own = 0;
+      IslandSize size = {island.members, 0, island.touches, island.pairs, island.packs, island.rows};
       for (const std::uint32_t id : membersOf(island)) {
         s.steps[id].setTogether();
-        own += s.steps[id].field().k;
+        size.functions += s.steps[id].field().k;
       }
       if (!isSmall(island)) {
         solve(island, s.island, jobs_);
         continue;
       }
       s.small.push_back(i);
-      members = std::max(members, std::size_t(island.members));
-      functions = std::max(functions, own);
-      touches = std::max(touches, std::size_t(island.touches));
+      most.include(size);
     }
     const std::uint32_t lanes = lanesOf(std::uint32_t(s.small.size()));
     while (s.island_lanes.size() < lanes) s.island_lanes.emplace_back(s.touching.memory());
     for (std::uint32_t lane = 0; lane < lanes; ++lane) {
-      s.island_lanes[lane].reserve(s.steps.size(), members, functions, touches);
+      s.island_lanes[lane].reserve(s.steps.size(), most);
     }
     std::atomic<std::uint32_t> next = 0;
     forEach(jobs_, lanes, 1, [&](std::uint32_t lane) {

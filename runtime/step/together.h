@@ -24,6 +24,8 @@ struct PieceBox {
 /// An island: places in TogetherScratch::ids and own.
 struct IslandRange {
   std::uint32_t first_member, members, first_touch, touches;
+  std::uint32_t pairs;
+  std::size_t packs, rows;  ///< IslandSize
 };
 
 /// Touches, which stay from step to step, and memory that steps use again.

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/touch_lanes.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "runtime/kernels/kernels.h"
+#include "runtime/solver/for_each.h"
+#include "runtime/solver/minimize.h"
+
+namespace sinew::internal {
+namespace {
+
+/// Pairs that a job takes at least.
+constexpr std::uint32_t kPairsAJob = 8;
+
+}  // namespace
+
+void TouchLanes::reserve(std::size_t pieces, std::size_t pairs, std::size_t packs, std::size_t rows) {
+  pairs_.reserve(pairs);
+  packs_.reserve(packs);
+  rows_.reserve(rows);
+  sides_.reserve(2 * pairs);
+  first_side_.reserve(pieces + 1);
+}
+
+void TouchLanes::clear() {
+  pairs_.clear();
+  packs_.clear();
+  rows_.clear();
+  has_friction_ = false;
+}
+
+std::uint32_t TouchLanes::addPair(std::uint32_t a, std::uint32_t functions_a, std::uint32_t b,
+                                  std::uint32_t functions_b, Range touches) {
+  const Range packs = {std::uint32_t(packs_.size()), packsOf(touches.count)};
+  pairs_.push_back({a, b, functions_a, functions_b, touches, packs, rows_.size(), false, 0});
+  packs_.resize(packs.first + packs.count);
+  rows_.resize(rows_.size() + rowsOf(packs.count, functions_a, functions_b));
+  return 8 * packs.first;
+}
+
+void TouchLanes::set(std::uint32_t slot, const TouchPair& pair, const Push& push, const float* phi_a,
+                     const float* phi_b, bool turned) {
+  const std::uint32_t lane = slot % 8;
+  PushPack& pack = packs_[slot / 8];
+  for (std::uint32_t c = 0; c < 3; ++c) {
+    pack.normal[c][lane] = push.normal[int(c)];
+    pack.slide[c][lane] = push.slide[int(c)];
+  }
+  pack.gap[lane] = push.gap;
+  pack.kappa[lane] = push.kappa;
+  pack.friction[lane] = push.friction;
+  float* row =
+      rows_.data() + pair.first_row + rowsOf(slot / 8 - pair.packs.first, pair.functions_a, pair.functions_b) + lane;
+  const float *const of_a = turned ? phi_b : phi_a, *const of_b = turned ? phi_a : phi_b;
+  const float sign = turned ? -1.0F : 1.0F;
+  for (std::uint32_t j = 0; j < pair.functions_a; ++j, row += 8) *row = sign * of_a[j];
+  for (std::uint32_t j = 0; j < pair.functions_b; ++j, row += 8) *row = -sign * of_b[j];
+}
+
+void TouchLanes::finish(std::uint32_t pieces) {
+  first_side_.resize(pieces + 1);
+  std::fill(first_side_.begin(), first_side_.end(), 0U);
+  const auto visit = [this](const auto& each) {
+    for (std::uint32_t i = 0; i < pairs_.size(); ++i) {
+      each(pairs_[i].a, Side{i, false});
+      if (pairs_[i].functions_b > 0) each(pairs_[i].b, Side{i, true});
+    }
+  };
+  visit([this](std::uint32_t piece, Side) { ++first_side_[piece + 1]; });
+  for (std::uint32_t i = 0; i < pieces; ++i) first_side_[i + 1] += first_side_[i];
+  sides_.resize(first_side_[pieces]);
+  // Each start goes on to its end, which is the next one's start.
+  visit([this](std::uint32_t piece, Side side) { sides_[first_side_[piece]++] = side; });
+  for (std::uint32_t i = pieces; i > 0; --i) first_side_[i] = first_side_[i - 1];
+  first_side_[0] = 0;
+  has_friction_ = std::any_of(packs_.begin(), packs_.end(), [](const PushPack& pack) {
+    return std::any_of(pack.friction, pack.friction + 8, [](float friction) { return friction > 0; });
+  });
+}
+
+float TouchLanes::gap(std::uint32_t slot) const {
+  const PushPack& pack = packs_[slot / 8];
+  const std::uint32_t i = slot % 8;
+  return pack.gap[i] +
+         (pack.normal[0][i] * pack.way[0][i] + pack.normal[1][i] * pack.way[1][i] + pack.normal[2][i] * pack.way[2][i]);
+}
+
+PushArguments TouchLanes::argumentsOf(TouchPair& pair, const float* d, std::span<const std::uint32_t> first) {
+  return {pair.packs.count,
+          pair.functions_a,
+          pair.functions_b,
+          packs_.data() + pair.packs.first,
+          rows_.data() + pair.first_row,
+          d + first[pair.a],
+          pair.functions_b > 0 ? d + first[pair.b] : nullptr,
+          &pair.pulls};
+}
+
+double TouchLanes::energy() const {
+  double sum = 0;
+  for (const TouchPair& pair : pairs_) sum += pair.energy;
+  return sum;
+}
+
+double TouchLanes::evaluate(const float* d, std::span<const std::uint32_t> first, JobSystem* jobs) {
+  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob,
+          [&](std::uint32_t i) { pairs_[i].energy = kernels().push_forces(argumentsOf(pairs_[i], d, first)); });
+  return energy();
+}
+
+void TouchLanes::place(const float* d, std::span<const std::uint32_t> first, bool press, JobSystem* jobs) {
+  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob, [&](std::uint32_t i) {
+    kernels().push_ways(argumentsOf(pairs_[i], d, first));
+    const Range& packs = pairs_[i].packs;
+    for (std::uint32_t slot = 8 * packs.first; press && slot < 8 * (packs.first + packs.count); ++slot) {
+      packs_[slot / 8].pressed[slot % 8] = packs_[slot / 8].kappa[slot % 8] * std::max(0.0F, -gap(slot));
+    }
+  });
+}
+
+double TouchLanes::rub(JobSystem* jobs) {
+  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob, [&](std::uint32_t i) {
+    TouchPair& pair = pairs_[i];
+    pair.energy = kernels().push_rubs(
+        {pair.packs.count, 0, 0, packs_.data() + pair.packs.first, nullptr, nullptr, nullptr, &pair.pulls});
+  });
+  return energy();
+}
+
+void TouchLanes::pullOn(JobSystem* jobs) {
+  forEach(jobs, std::uint32_t(packs_.size()), 8 * kPairsAJob,
+          [&](std::uint32_t i) { std::memcpy(packs_[i].pulled, packs_[i].pull, sizeof packs_[i].pull); });
+}
+
+PushSideArguments TouchLanes::sideOf(const Side& side, const float* offset, float* to) const {
+  const TouchPair& pair = pairs_[side.pair];
+  const std::size_t of_a = std::size_t(8) * pair.functions_a, of_b = std::size_t(8) * pair.functions_b;
+  return {pair.packs.count,
+          side.is_b ? pair.functions_b : pair.functions_a,
+          packs_.data() + pair.packs.first,
+          rows_.data() + pair.first_row + (side.is_b ? of_a : 0),
+          of_a + of_b,
+          offset,
+          to};
+}
+
+void TouchLanes::addPulls(std::uint32_t piece, float* gradient) const {
+  for (const Side& side : sidesOf(piece)) {
+    if (pairs_[side.pair].pulls) kernels().add_pulls(sideOf(side, nullptr, gradient));
+  }
+}
+
+void TouchLanes::addBends(std::uint32_t piece, const float* offset, float* change) const {
+  for (const Side& side : sidesOf(piece)) kernels().add_bends(sideOf(side, offset, change));
+}
+
+}  // namespace sinew::internal
