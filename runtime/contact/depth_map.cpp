@@ -34,6 +34,10 @@ Vector3f cornerOf(const formats::PackageView& package, const formats::Tetrahedro
 
 DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceGrid& grid)
     : package_(&package), grid_(&grid) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    last_node_[axis] = float(grid.nodes[axis] - 1);
+    apart_[axis] = axis == 0 ? 1 : apart_[axis - 1] * grid.nodes[axis - 1];
+  }
   values_ =
       package.distanceValues().subspan(grid.first_value, std::size_t(grid.nodes[0]) * grid.nodes[1] * grid.nodes[2]);
   for (const formats::Field& field : package.fields()) {
@@ -121,48 +125,62 @@ void DepthMap::findBulge(std::span<const formats::FieldPoint> points) {
   }
 }
 
-DepthMap::GridPlace DepthMap::gridPlace(const Vector3f& place) const {
-  const Vector3f in = (place - asVector(grid_->origin)) / grid_->spacing;
+inline DepthMap::GridPlace DepthMap::gridPlace(const Vector3f& place) const {
   GridPlace at;
+  at.value = values_.data();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = Eigen::Index(axis);
-    const float inside = std::clamp(in[a], 0.0F, float(grid_->nodes[axis] - 1));
-    at.beyond[a] = in[a] - inside;
-    at.node[axis] = std::min(std::uint32_t(inside), grid_->nodes[axis] - 2);
-    at.part[a] = inside - float(at.node[axis]);
+    const float in = (place[a] - grid_->origin[axis]) / grid_->spacing;
+    const float inside = std::min(std::max(in, 0.0F), last_node_[axis]);
+    const auto node = std::min(std::uint32_t(std::int32_t(inside)), grid_->nodes[axis] - 2);
+    at.beyond[a] = in - inside;
+    at.part[a] = inside - float(std::int32_t(node));
+    at.value += std::size_t(node) * apart_[axis];
+    at.is_inner = (axis == 0 || at.is_inner) && node > 0 && node + 2 < grid_->nodes[axis];
   }
   return at;
 }
 
 float DepthMap::distance(const Vector3f& place) const {
   const GridPlace at = gridPlace(place);
-  const auto along = [&](std::uint32_t y, std::uint32_t z) {
-    const float first = valueAt(at.node[0], at.node[1] + y, at.node[2] + z);
-    return first + at.part[0] * (valueAt(at.node[0] + 1, at.node[1] + y, at.node[2] + z) - first);
+  const auto along = [&](std::size_t edge) {
+    const std::int16_t* const value = at.value + edge;
+    const float first = value[0];
+    return first + at.part[0] * (float(value[1]) - first);
   };
-  const float low = along(0, 0) + at.part[1] * (along(1, 0) - along(0, 0));
-  const float high = along(0, 1) + at.part[1] * (along(1, 1) - along(0, 1));
-  return grid_->unit * (low + at.part[2] * (high - low)) + grid_->spacing * at.beyond.norm();
+  const std::size_t row = apart_[1], layer = apart_[2];
+  const float low = along(0), high = along(layer);
+  const float below = low + at.part[1] * (along(row) - low);
+  const float above = high + at.part[1] * (along(row + layer) - high);
+  return grid_->unit * (below + at.part[2] * (above - below)) + grid_->spacing * at.beyond.norm();
 }
 
 Vector3f DepthMap::outward(const Vector3f& place) const {
   const GridPlace at = gridPlace(place);
-  const std::array<std::size_t, 3> stride = {1, grid_->nodes[0], std::size_t(grid_->nodes[0]) * grid_->nodes[1]};
   Vector3f sum = Vector3f::Zero();
-  for (std::uint32_t corner = 0; corner < 8; ++corner) {
-    std::array<std::uint32_t, 3> node;
-    float weight = 1;
-    for (std::uint32_t axis = 0; axis < 3; ++axis) {
-      const bool next = (corner >> axis & 1) != 0;
-      node[axis] = at.node[axis] + (next ? 1 : 0);
-      weight *= next ? at.part[Eigen::Index(axis)] : 1 - at.part[Eigen::Index(axis)];
+  const auto visit = [&](const auto& rise) {
+    for (std::uint32_t corner = 0; corner < 8; ++corner) {
+      const std::int16_t* value = at.value;
+      float weight = 1;
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        const bool next = (corner >> axis & 1) != 0;
+        if (next) value += apart_[axis];
+        weight *= next ? at.part[Eigen::Index(axis)] : 1 - at.part[Eigen::Index(axis)];
+      }
+      for (std::uint32_t axis = 0; axis < 3; ++axis) sum[Eigen::Index(axis)] += weight * rise(value, axis);
     }
-    const std::int16_t* const value = values_.data() + (node[0] + node[1] * stride[1] + node[2] * stride[2]);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const std::size_t below = node[axis] > 0 ? 1 : 0, above = node[axis] + 1 < grid_->nodes[axis] ? 1 : 0;
-      const float rise = float(value[above * stride[axis]]) - float(*(value - below * stride[axis]));
-      sum[Eigen::Index(axis)] += weight * (above + below == 2 ? 0.5F : 1.0F) * rise;
-    }
+  };
+  if (at.is_inner) {
+    visit([this](const std::int16_t* value, std::uint32_t axis) {
+      return 0.5F * float(value[apart_[axis]] - *(value - apart_[axis]));
+    });
+  } else {
+    // At the grid's sides there is a neighbour on one side only.
+    visit([this](const std::int16_t* value, std::uint32_t axis) {
+      const std::size_t node = std::size_t(value - values_.data()) / apart_[axis] % grid_->nodes[axis];
+      const std::size_t below = node > 0 ? apart_[axis] : 0, above = node + 1 < grid_->nodes[axis] ? apart_[axis] : 0;
+      return (below > 0 && above > 0 ? 0.5F : 1.0F) * float(value[above] - *(value - below));
+    });
   }
   const float length = sum.norm();
   return length > 0 ? Vector3f(sum / length) : Vector3f(Vector3f::Zero());

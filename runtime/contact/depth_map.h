@@ -40,31 +40,33 @@ class DepthMap {
   /// of a place near by is looked at first. \return false where none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
+  /// Inverse of the sides of a tetrahedron, from its last corner to the others. \pre it was located
+  const Eigen::Matrix3f& restSidesInverse(const MaterialPoint& at) const { return frames_[at.tetrahedron].inverse; }
+
   /// How far the surface at rest bulges beyond the contact points around each of its places, metres: a box around the
   /// points has to grow by so much to hold it.
   float bulge() const { return bulge_; }
   std::uint32_t piece() const { return grid_->piece; }
   /// Thinner parts may not be seen, metres.
   float spacing() const { return grid_->spacing; }
-  const formats::PackageView& package() const { return *package_; }
 
  private:
   /// Where in the grid a place is: the lowest node of its cell, its parts of the way to the next ones, and how far
   /// beyond the grid it lies, nodes.
   struct GridPlace {
-    std::array<std::uint32_t, 3> node;
+    const std::int16_t* value;  ///< of the node
     Eigen::Vector3f part, beyond;
+    bool is_inner;  ///< the cell has neighbours on all sides
   };
   GridPlace gridPlace(const Eigen::Vector3f& place) const;
-  float valueAt(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
-    return float(values_[x + grid_->nodes[0] * (y + std::size_t(grid_->nodes[1]) * z)]);
-  }
   std::uint32_t cellOf(const Eigen::Vector3f& place) const;
   void findBulge(std::span<const formats::FieldPoint> points);
 
   const formats::PackageView* package_ = nullptr;
   const formats::DistanceGrid* grid_ = nullptr;
   std::span<const std::int16_t> values_;
+  std::array<float, 3> last_node_ = {};
+  std::array<std::size_t, 3> apart_ = {};  ///< values to the next node along each axis
   // A regular grid over the tetrahedra: those of cell i are list_[first_[i] .. first_[i + 1]).
   Eigen::Vector3f low_ = Eigen::Vector3f::Zero();
   float cell_ = 1;

@@ -43,8 +43,8 @@ void setRow(const Field& field, const MaterialPoint& at, float* row) {
   }
 }
 
-/// Deformation gradient of the tetrahedron that has a material point.
-Matrix3f gradientAt(const TouchingPiece& piece, const formats::PackageView& package, const MaterialPoint& at) {
+/// Deformation gradient of the tetrahedron that has a material point, which the piece's map has located.
+Matrix3f gradientAt(const TouchingPiece& piece, const MaterialPoint& at) {
   const Field& field = *piece.field;
   std::array<Eigen::Array4f, 4> now;
   now.fill(Eigen::Array4f::Zero());
@@ -54,13 +54,9 @@ Matrix3f gradientAt(const TouchingPiece& piece, const formats::PackageView& pack
     const auto coefficient = Eigen::Array4f::Map(piece.base + 4 * j);
     for (std::size_t c = 0; c < 4; ++c) now[c] += values[c][8 * j] * coefficient;
   }
-  const auto rest = [&](std::size_t c) { return asVector(package.physicalVertices()[at.vertex[c]].rest_position); };
-  Matrix3f sides, rest_sides;
-  for (std::size_t c = 0; c < 3; ++c) {
-    sides.col(int(c)) = (now[c] - now[3]).matrix().head<3>();
-    rest_sides.col(int(c)) = rest(c) - rest(3);
-  }
-  return sides * rest_sides.inverse();
+  Matrix3f sides;
+  for (std::size_t c = 0; c < 3; ++c) sides.col(int(c)) = (now[c] - now[3]).matrix().head<3>();
+  return sides * piece.map->restSidesInverse(at);
 }
 
 /// Takes back ways of the bent body to its rest shape: (F^T F + e^2 I)^-1 F^T. The inverse of F would take a way across
@@ -90,11 +86,15 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
     place += high * way;
     distance = map.distance(place);
     if (!(distance > 0)) continue;
-    // Back to where the surface was crossed: what lies just below and just above it are to find one place. Near edges
-    // distances are no straight lines.
-    while (high - low > float(kResolved * diagonal)) {
-      const float middle = 0.5F * (low + high), there = map.distance(last + middle * way);
-      (there < 0 ? low : high) = middle;
+    // Back to where the surface was crossed: what lies just below and just above it are to find one place. First on
+    // both sides of where distances that grow evenly cross it; near edges they do not.
+    const float resolved = float(kResolved * diagonal), beside = 0.45F * resolved;
+    for (int round = 0; high - low > resolved; ++round) {
+      const float crossing = low + inside / (inside - distance) * (high - low);
+      const float at =
+          round % 3 == 2 ? 0.5F * (low + high) : std::clamp(crossing + (round % 3 == 0 ? beside : -beside), low, high);
+      const float there = map.distance(last + at * way);
+      (there < 0 ? low : high) = at;
       (there < 0 ? inside : distance) = there;
     }
     place = last + (low + inside / (inside - distance) * (high - low)) * way;
@@ -292,7 +292,7 @@ class TouchSearch {
     return b_.map->locate(place, material) && takesBack(material, back);
   }
   bool takesBack(const MaterialPoint& material, Matrix3f& back) const {
-    const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
+    const Matrix3f gradient = gradientAt(b_, material);
     if (!(gradient.determinant() > 0)) return false;
     back = gradient.inverse();
     return back.allFinite();
@@ -457,7 +457,7 @@ class TouchSearch {
     outward = facing;
     touch.place = left_at;
     if (!b_.map->locate(touch.place, material)) return;
-    const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
+    const Matrix3f gradient = gradientAt(b_, material);
     touch.entered = entered;
     const bool upright = gradient.determinant() > 0;
     touch.to_rest = upright ? boundedInverse(gradient) : Matrix3f(b_.turn.transpose());
@@ -485,18 +485,24 @@ class TouchSearch {
     t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low));
     t.gap = gap - t.floor;
     touch.coming = (gap_before - gap) / float(h_);
-    Vector3f slide = over - over_before;
+    const Vector3f motion = over - over_before;
+    const auto across = [&](const Vector3f& v) { return Vector3f(v - t.normal.dot(v) * t.normal); };
+    t.friction = std::sqrt(a_.friction * b_.friction);
+    t.slide = across(motion);
+    Vector3f slid = Vector3f::Zero();  // before the step
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
       setRow(field_b, material, row_.data());
-      slide = at - sumOf(row_.data(), b_.base, field_b.k);
-      touch.held = true;
+      slid = across(at - sumOf(row_.data(), b_.base, field_b.k) - motion);
+      // A spring and a dashpot across have slid by no more than friction times what those along the normal are pressed
+      // in (docs/method.md §4). What comes to more was carried through a shape that lies flat.
+      const float length = slid.norm(), most = t.friction * last->depth;
+      touch.held = length <= most;
+      if (!touch.held) slid *= most / length;
+      t.slide += slid;
     } else if (gap < 0 && gap_before > 0) {
-      slide *= gap / (gap - gap_before);  // since it touched
+      t.slide *= gap / (gap - gap_before);  // since it touched
     }
-    t.slide = slide - t.normal.dot(slide) * t.normal;
-    touch.before = touch.held ? Vector3f(slide - (over - over_before)) : Vector3f(Vector3f::Zero());
-    touch.before -= (t.normal.dot(touch.before) + std::max(0.0F, t.floor - gap_before)) * t.normal;
-    t.friction = std::sqrt(a_.friction * b_.friction);
+    touch.before = slid - std::max(0.0F, t.floor - gap_before) * t.normal;
     touch.memory = key;
     if (touched) touch.memory.depth = last->depth, touch.memory.kappa = last->kappa;
     if (touch.held) touch.memory.anchor = last->anchor;

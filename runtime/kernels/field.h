@@ -433,12 +433,34 @@ static void fieldModes(const FieldModesArguments& a) {
   for (std::uint32_t i = 0; i < n; ++i) a.vector[i] = sumOfLanes(load8(a.lanes + 8 * i));
 }
 
-/// Cholesky factor in place, column by column. \return whether the matrix was positive.
+/// The numbers of the lanes.
+alignas(32) inline constexpr float kLaneNumbers[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+
+/// The inverse of the lower triangle of a block on the diagonal, written as a symmetric matrix.
+SINEW_INLINE void invertBlock(float* block, std::uint32_t stride, std::uint32_t size) {
+  float inverse[8][8];
+  for (std::uint32_t c = 0; c < size; ++c) {
+    for (std::uint32_t i = c; i < size; ++i) {
+      const float* const row = block + std::size_t(stride) * i;
+      float sum = i == c ? -1.0F : 0.0F;
+      for (std::uint32_t k = c; k < i; ++k) sum += row[k] * inverse[k][c];
+      inverse[i][c] = -sum / row[i];
+    }
+  }
+  for (std::uint32_t i = 0; i < size; ++i) {
+    for (std::uint32_t c = 0; c <= i; ++c) {
+      block[std::size_t(stride) * i + c] = block[std::size_t(stride) * c + i] = inverse[i][c];
+    }
+  }
+}
+
+/// Cholesky factor L in place, column by column, and L^T above it; of each block of eight on the diagonal the inverse.
+/// \return whether the matrix was positive.
 static bool factorize(const FactorArguments& a) {
   float* const column = a.vector;
   for (std::uint32_t i = 0; i < a.stride; ++i) column[i] = 0;
   for (std::uint32_t k = 0; k < a.size; ++k) {
-    float* const pivot = a.matrix + std::size_t(a.stride) * k + k;
+    float *const above = a.matrix + std::size_t(a.stride) * k, *const pivot = above + k;
     if (!(*pivot > 0)) return false;
     *pivot = squareRoot(*pivot);
     const float inverse = 1 / *pivot;
@@ -446,7 +468,7 @@ static bool factorize(const FactorArguments& a) {
     for (std::uint32_t i = k + 1; i < a.size; ++i) {
       float* const entry = a.matrix + std::size_t(a.stride) * i + k;
       *entry *= inverse;
-      column[i] = *entry;
+      column[i] = above[i] = *entry;
     }
     for (std::uint32_t i = k + 1; i < a.size; ++i) {
       float* const row = a.matrix + std::size_t(a.stride) * i;
@@ -455,28 +477,46 @@ static bool factorize(const FactorArguments& a) {
         store8(row + j, load8(row + j) - load8(column + j) * scale);
     }
   }
+  for (std::uint32_t k = 0; k < a.size; k += 8) {
+    invertBlock(a.matrix + std::size_t(a.stride + 1) * k, a.stride, a.size - k < 8 ? a.size - k : 8);
+  }
   return true;
 }
 
-/// Solves with the factor, in place.
-static void solve(const FactorArguments& a) {
-  float* const x = a.vector;
-  for (std::uint32_t i = 0; i < a.size; ++i) {
-    const float* const row = a.matrix + std::size_t(a.stride) * i;
-    Float8 sum = {};
-    std::uint32_t j = 0;
-    for (; j + 8 <= i; j += 8) sum += load8(row + j) * load8(x + j);
-    float rest = 0;
-    for (; j < i; ++j) rest += row[j] * x[j];
-    x[i] = (x[i] - (sumOfLanes(sum) + rest)) / row[i];
+/// x_I - sum of the rows from `begin` to `end` at block I, each times its unknown.
+SINEW_INLINE Float8 lessRows(const FactorArguments& a, std::uint32_t block, std::uint32_t begin, std::uint32_t end) {
+  Float8 even = load8(a.vector + block), odd = {};
+  const float* row = a.matrix + std::size_t(a.stride) * begin + block;
+  std::uint32_t i = begin;
+  for (; i + 1 < end; i += 2, row += 2 * std::size_t(a.stride)) {
+    even -= load8(row) * a.vector[i];
+    odd -= load8(row + a.stride) * a.vector[i + 1];
   }
-  for (std::uint32_t i = a.size; i-- > 0;) {
-    const float* const row = a.matrix + std::size_t(a.stride) * i;
-    x[i] /= row[i];
-    const float solved = x[i];
-    std::uint32_t j = 0;
-    for (; j + 8 <= i; j += 8) store8(x + j, load8(x + j) - load8(row + j) * solved);
-    for (; j < i; ++j) x[j] -= row[j] * solved;
+  if (i < end) even -= load8(row) * a.vector[i];
+  return even + odd;
+}
+
+/// Solves with the factor, in place, block by block: L y = x, then L^T x = y.
+static void solve(const FactorArguments& a) {
+  const Float8 lanes = load8(kLaneNumbers);
+  const auto throughDiagonal = [&](std::uint32_t block, bool transposed) {
+    const float* row = a.matrix + std::size_t(a.stride + 1) * block;
+    const std::uint32_t count = a.size - block < 8 ? a.size - block : 8;
+    Float8 even = {}, odd = {};
+    for (std::uint32_t c = 0; c < count; ++c, row += a.stride) {
+      const Int8 has = transposed ? lanes <= float(c) : lanes >= float(c);
+      (c % 2 == 0 ? even : odd) += select(has, load8(row), Float8{}) * a.vector[block + c];
+    }
+    store8(a.vector + block, even + odd);
+  };
+  for (std::uint32_t block = 0; block < a.size; block += 8) {
+    store8(a.vector + block, lessRows(a, block, 0, block));
+    throughDiagonal(block, false);
+  }
+  for (std::uint32_t block = (a.size + 7) / 8 * 8; block > 0;) {
+    block -= 8;
+    if (block + 8 < a.size) store8(a.vector + block, lessRows(a, block, block + 8, a.size));
+    throughDiagonal(block, true);
   }
 }
 

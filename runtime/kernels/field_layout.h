@@ -92,13 +92,13 @@ struct FieldModesArguments {
   float* vector;           ///< 3 n, in and out
 };
 
-/// A symmetric positive matrix, or its Cholesky factor: the lower triangle row by row. Entries right of the diagonal
-/// are scratch.
+/// A symmetric positive matrix, its lower triangle row by row, or what factorize makes of it. Entries right of the
+/// diagonal are scratch.
 struct FactorArguments {
   std::uint32_t size;
   std::uint32_t stride;  ///< floats a row: size rounded up to eight
   float* matrix;
-  float* vector;  ///< `stride` floats: scratch of factorize, the right side and solution of solve; zero behind `size`
+  float* vector;  ///< `stride` floats: scratch of factorize, the right side and solution of solve
 };
 
 /// The same of one number a function: heights along a direction.

@@ -108,8 +108,7 @@ Eigen::Vector3f slideOf(const Push& push) { return push.slide + (push.way - push
 /// Force of friction under a load.
 PushForce rubForce(const Push& push, float load) {
   const Eigen::Vector3f slide = slideOf(push);
-  const auto rub =
-      baseline::rubOf(double(push.kappa), double(push.friction), double(slide.norm()), double(load));
+  const auto rub = baseline::rubOf(double(push.kappa), double(push.friction), double(slide.norm()), double(load));
   return {float(rub.scale) * slide, rub.energy};
 }
 
@@ -366,7 +365,6 @@ void Objective::precondition(float* g) const {
   const Turn in = Turn::back(rotation), out = Turn::by(rotation);
   for (std::uint32_t j = driven; j < k; ++j) Four::Map(local + 3 * (j - driven)) = in * (g + 4 * j);
   if (system != nullptr) {
-    std::fill(local + field->unknowns(), local + field->stride, 0.0F);
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
   } else {
     kernels().field_modes(

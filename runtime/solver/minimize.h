@@ -169,7 +169,7 @@ struct Minimand {
   std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
   std::uint32_t size = 0;                ///< of the vectors, floats
   std::span<TouchLink> touches;
-  TouchLanes* lanes = nullptr;  ///< where they are evaluated; null: there are none
+  TouchLanes* lanes = nullptr;           ///< where they are evaluated; null: there are none
   MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none

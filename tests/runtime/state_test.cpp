@@ -327,7 +327,9 @@ TEST(State, TeleportTurnsTheWholeMotionAlong) {
     const Snapshot one = snapshotOf(stay, a), other = snapshotOf(go, b);
     for (std::size_t k = 0; k < one.x.size(); ++k) {
       ASSERT_LT((wide(other.x[k]) - turn * wide(one.x[k]) - shift).norm(), 3e-4) << i;
-      ASSERT_LT((wide(other.v[k]) - turn * wide(one.v[k])).norm(), 3e-3) << i;
+      // A step is solved to a thousandth of the way from its prediction, which is long where a pick pulls: of 30 steps
+      // one may end an iteration earlier than the other's.
+      ASSERT_LT((wide(other.v[k]) - turn * wide(one.v[k])).norm(), 1e-2) << i;
     }
     for (std::size_t k = 0; k < one.visual.size(); ++k) {
       ASSERT_LT((wide(other.visual[k]) - turn * wide(one.visual[k]) - shift).norm(), 3e-4) << i;

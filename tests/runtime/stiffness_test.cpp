@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <limits>
 #include <random>
 
 #include "runtime/load/rest_constants.h"
@@ -140,6 +141,37 @@ TEST(Stiffness, IsPositiveAndTheSameForAllInstructionSetsInAHeap) {
     EXPECT_EQ(found, expected) << name;
   }
   EXPECT_GT(sets, 0);
+}
+
+TEST(Factors, SolveAndAreTheSameForAllInstructionSets) {
+  std::mt19937 random(9);
+  std::normal_distribution<double> number;
+  for (const std::uint32_t size : {1U, 3U, 8U, 9U, 36U, 93U}) {
+    const std::uint32_t stride = (size + 7) / 8 * 8;
+    MatrixXd a = MatrixXd::NullaryExpr(size, size, [&] { return number(random); });
+    a = a * a.transpose() + MatrixXd::Identity(size, size);
+    const Eigen::VectorXd right = Eigen::VectorXd::NullaryExpr(size, [&] { return number(random); });
+    std::vector<float> expected;
+    for (const char* name : {"portable", "sse42", "avx2", "avx512"}) {
+      const internal::Kernels* table = internal::kernelsNamed(name);
+      if (table == nullptr) continue;
+      // What is right of the diagonal and behind the vector counts for nothing.
+      const float none = std::numeric_limits<float>::quiet_NaN();
+      std::vector<float> matrix(std::size_t(size) * stride, none), scratch(stride), x(stride, none);
+      for (std::uint32_t i = 0; i < size; ++i) {
+        for (std::uint32_t j = 0; j <= i; ++j) matrix[std::size_t(stride) * i + j] = float(a(i, j));
+        x[i] = float(right[i]);
+      }
+      ASSERT_TRUE(table->factorize({size, stride, matrix.data(), scratch.data()}));
+      table->solve({size, stride, matrix.data(), x.data()});
+      x.resize(size);
+      const Eigen::VectorXd found = Eigen::Map<const Eigen::VectorXf>(x.data(), size).cast<double>();
+      EXPECT_LT((a * found - right).norm(), 1e-4 * a.norm() * found.norm()) << size << ' ' << name;
+      if (expected.empty()) expected = x;
+      EXPECT_EQ(x, expected) << size << ' ' << name;
+    }
+    EXPECT_FALSE(expected.empty());
+  }
 }
 
 TEST(Products, AreTheSameForAllInstructionSets) {
