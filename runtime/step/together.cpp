@@ -108,18 +108,30 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
   if (boxes.empty()) return;
   forEach(jobs, std::uint32_t(boxes.size()), kPiecesAJob,
           [&](std::uint32_t i) { findBox(*bodies[boxes[i].body], gravity, seconds, boxes[i]); });
-  // Sorted by their lower ends along x, in floats about the first: equal ones in their order.
-  const double origin = boxes[0].low[0];
+  // Sorted by their lower ends along the axis along which they are spread most, in floats about the first: equal ones
+  // in their order.
+  std::array<double, 3> least = boxes[0].low, most = least;
+  for (const PieceBox& box : boxes) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      least[c] = std::min(least[c], box.low[c]);
+      most[c] = std::max(most[c], box.low[c]);
+    }
+  }
+  std::size_t along = 0;
+  for (std::size_t c = 1; c < 3; ++c) {
+    if (most[c] - least[c] > most[along] - least[along]) along = c;
+  }
+  const double origin = boxes[0].low[along];
   for (std::uint32_t i = 0; i < boxes.size(); ++i) {
-    scratch.order.push_back(std::uint64_t(sortable(float(boxes[i].low[0] - origin))) << 32 | i);
+    scratch.order.push_back(std::uint64_t(sortable(float(boxes[i].low[along] - origin))) << 32 | i);
   }
   sortAscending({scratch.order.data(), scratch.order.size()});
   for (std::size_t n = 0; n < scratch.order.size(); ++n) {
     const PieceBox& a = boxes[std::uint32_t(scratch.order[n])];
-    const double tie = 1e-6 * (std::abs(a.high[0] - origin) + std::abs(a.low[0] - origin));
+    const double tie = 1e-6 * (std::abs(a.high[along] - origin) + std::abs(a.low[along] - origin));
     for (std::size_t m = n + 1; m < scratch.order.size(); ++m) {
       const PieceBox& b = boxes[std::uint32_t(scratch.order[m])];
-      if (b.low[0] > a.high[0] + tie) break;
+      if (b.low[along] > a.high[along] + tie) break;
       const bool may = a.body == b.body ? touchesItself(*bodies[a.body])
                                         : mayTouch(bodies[a.body]->settings, bodies[b.body]->settings);
       if (!may) continue;

@@ -618,8 +618,8 @@ TEST(Touch, IsTheSameForAnyThreads) {
   }
 }
 
-// In a step of 1/60 s what flies at 100 m/s goes 1.7 m: through all of what it meets. Where in a step it comes decides how
-// the thin plate springs, by a tenth of what it gets: of four such speeds the mean counts.
+// In a step of 1/60 s what flies at 100 m/s goes 1.7 m: through all of what it meets. Where in a step it comes decides
+// how the thin plate springs, by a tenth of what it gets: of four such speeds the mean counts.
 TEST(Touch, NothingFliesThrough) {
   const auto bullet = touchingBox({0.3, 0.3, 0.3}), cube = touchingBox({1, 1, 1}), plate = touchingBox({0.1, 1, 1});
   for (const auto& target : {cube, plate}) {
