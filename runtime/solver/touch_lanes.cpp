@@ -75,9 +75,9 @@ void TouchLanes::finish(std::uint32_t pieces) {
   visit([this](std::uint32_t piece, Side side) { sides_[first_side_[piece]++] = side; });
   for (std::uint32_t i = pieces; i > 0; --i) first_side_[i] = first_side_[i - 1];
   first_side_[0] = 0;
-  has_friction_ = std::any_of(packs_.begin(), packs_.end(), [](const PushPack& pack) {
-    return std::any_of(pack.friction, pack.friction + 8, [](float friction) { return friction > 0; });
-  });
+  for (const PushPack& pack : packs_) {
+    for (const float friction : pack.friction) has_friction_ = has_friction_ || friction > 0;
+  }
 }
 
 float TouchLanes::gap(std::uint32_t slot) const {
