@@ -150,8 +150,8 @@ void Island::gatherPairs() {
   for (std::uint32_t first = 0; first < s.touches.size(); first = end) {
     const auto [a, b] = pieces_of(first);
     while (end < s.touches.size() && pieces_of(end) == std::pair(a, b)) ++end;
-    const std::uint32_t slot = s.lanes.addPair(a, member(a).field().k, b, a == b ? 0 : member(b).field().k,
-                                               {first, end - first});
+    const std::uint32_t slot =
+        s.lanes.addPair(a, member(a).field().k, b, a == b ? 0 : member(b).field().k, {first, end - first});
     for (std::uint32_t i = first; i < end; ++i) s.touches[i].slot = slot + (i - first);
   }
   forEach(jobs_, std::uint32_t(s.lanes.pairs().size()), kPiecesAJob, [&](std::uint32_t pair) {
