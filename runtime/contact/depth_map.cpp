@@ -131,7 +131,7 @@ inline DepthMap::GridPlace DepthMap::gridPlace(const Vector3f& place) const {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = Eigen::Index(axis);
     const float in = (place[a] - grid_->origin[axis]) / grid_->spacing;
-    const float inside = std::min(std::max(in, 0.0F), last_node_[axis]);
+    const float inside = std::min(std::max(0.0F, in), last_node_[axis]);  // 0 where it is no number
     const auto node = std::min(std::uint32_t(std::int32_t(inside)), grid_->nodes[axis] - 2);
     at.beyond[a] = in - inside;
     at.part[a] = inside - float(std::int32_t(node));

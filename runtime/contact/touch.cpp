@@ -114,8 +114,8 @@ double firmness(const TouchingPiece& piece, double area) {
 
 std::size_t pointFloats(const Field& field) { return 3 * ((field.points.size() + 7) / 8 * 8); }
 
-TouchRange TouchList::add(const TouchList& other) {
-  const TouchRange range = {std::uint32_t(touches.size()), std::uint32_t(other.touches.size())};
+Range TouchList::add(const TouchList& other) {
+  const Range range = {std::uint32_t(touches.size()), std::uint32_t(other.touches.size())};
   const auto first_row = std::uint32_t(rows.size());
   touches.resize(touches.size() + other.touches.size());
   rows.resize(rows.size() + other.rows.size());

@@ -78,15 +78,10 @@ struct FoundTouch {
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
 };
 
-/// Touches in a list.
-struct TouchRange {
-  std::uint32_t first, count;
-};
-
 struct TouchList {
   explicit TouchList(std::pmr::memory_resource* memory) : touches(memory), rows(memory) {}
   /// Adds copies of another one's.
-  TouchRange add(const TouchList& other);
+  Range add(const TouchList& other);
 
   Array<FoundTouch> touches;
   Array<float> rows;

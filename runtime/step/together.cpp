@@ -390,7 +390,7 @@ class Together {
       IslandRange island = {std::uint32_t(s.ids.size()), 0, std::uint32_t(s.own.size()), 0, 0, 0, 0};
       for (; m < s.members.size() && s.members[m] >> 32 == root; ++m) s.ids.push_back(std::uint32_t(s.members[m]));
       for (; p < s.touching_pairs.size() && s.touching_pairs[p] >> 32 == root; ++p) {
-        const TouchRange range = s.pair_touches[std::uint32_t(s.touching_pairs[p])];
+        const Range range = s.pair_touches[std::uint32_t(s.touching_pairs[p])];
         for (std::uint32_t i = 0; i < range.count; ++i) s.own.push_back(&s.found.touches[range.first + i]);
         const Touch& touch = s.own.back()->touch;
         const std::uint32_t packs = TouchLanes::packsOf(range.count);
@@ -507,12 +507,12 @@ class Together {
     forEachPair({s.next_touching.data(), s.next_touching.size()}, [&](std::span<const TouchMemory> touches) {
       s.runs.push_back({std::uint32_t(touches.data() - s.next_touching.data()), std::uint32_t(touches.size())});
     });
-    std::sort(s.runs.begin(), s.runs.end(), [&](const TouchRange& x, const TouchRange& y) {
+    std::sort(s.runs.begin(), s.runs.end(), [&](const Range& x, const Range& y) {
       return touchOrder(s.next_touching[x.first]) < touchOrder(s.next_touching[y.first]);
     });
     s.touching.resize(s.next_touching.size());
     TouchMemory* to = s.touching.data();
-    for (const TouchRange& run : s.runs) to = std::copy_n(s.next_touching.data() + run.first, run.count, to);
+    for (const Range& run : s.runs) to = std::copy_n(s.next_touching.data() + run.first, run.count, to);
   }
 
   BodyList& bodies_;

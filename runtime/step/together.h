@@ -71,7 +71,7 @@ struct TogetherScratch {
   Array<std::uint32_t> places;       ///< of boxes in the list of pieces that are stepped together
   OwningArray<PieceScratch> pieces;  ///< one for each of these
   TouchList found;                   ///< of one pair after the other, pairs in any order
-  Array<TouchRange> pair_touches;    ///< of each pair
+  Array<Range> pair_touches;         ///< of each pair
   OwningArray<TouchList> lanes;      ///< of threads that look at pairs
   Array<float> before, points;
   Array<std::uint64_t> own_order;  ///< TouchingPiece::order, normals
@@ -90,7 +90,7 @@ struct TogetherScratch {
   IslandScratch island;
   OwningArray<IslandScratch> island_lanes;  ///< of threads that solve small ones
   Array<TouchMemory> next_touching;
-  Array<TouchRange> runs;  ///< of it, by pair
+  Array<Range> runs;  ///< of it, by pair
 };
 
 /// Box around a piece's surface now and, as it moves, after h seconds; world. Empty without contact points.
