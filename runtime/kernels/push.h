@@ -36,7 +36,7 @@ SINEW_INLINE double totalOf(Float8 a) {
          ((double(lane(a, 4)) + double(lane(a, 5))) + (double(lane(a, 6)) + double(lane(a, 7))));
 }
 
-/// Rows times coefficients, from `to` on. Even and odd functions apart: sums do not wait for one another.
+/// Rows times coefficients. Even and odd functions apart: sums do not wait for one another.
 SINEW_INLINE Vec3Of<Float8> sumOf(std::uint32_t functions, const float* rows, const float* c) {
   Vec3Of<Float8> even = {}, odd = {};
   std::uint32_t j = 0;

@@ -66,7 +66,7 @@ class Island {
   void gather();
   /// Rows by piece: each touch is one of both its sides.
   void gatherRows();
-  /// Touches by pairs of pieces: \pre those of a pair come together.
+  /// Touches by pairs of pieces. \pre those of a pair come together
   void gatherPairs();
   /// Orders pieces from top to bottom, so that RigidCoupling eliminates each before those it rests on.
   void couple(const Vector3d& gravity);
