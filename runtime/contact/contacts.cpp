@@ -396,17 +396,14 @@ void findContacts(const Piece& piece, const ContactStep& step, const ConstCoeffi
 }
 
 void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
-                      double seconds, const Vector3d* given, const MinimizeScratch& scratch,
+                      double seconds, const Vector3d* given, const Objective& objective,
                       Array<ColliderTouch>& touches) {
   const Field& field = piece.field();
+  const MinimizeScratch& scratch = *objective.scratch;
   piece.state.touching.clear();
   const std::size_t first = touches.size();
   for (Contact contact : scratch.contacts) {
-    Eigen::Vector3f& moved = contact.way;
-    moved.setZero();
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      moved += contact.phi[j] * Eigen::Map<const Eigen::Vector3f>(scratch.d.data() + 4 * j);
-    }
+    const Eigen::Vector3f moved = contact.way = objective.wayOf(contact.phi, scratch.d.data());
     const float rise = contact.normal.dot(moved), lag = contact.normal.dot(contact.lag);
     if (!(contact.gap + lag + rise < 0)) continue;
     const float gap = std::min(0.0F, contact.gap + rise);

@@ -64,11 +64,10 @@ void findNear(const Piece& piece, std::span<const Collider* const> all, const Co
 void findContacts(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
                   ContactScratch& lent, MinimizeScratch& scratch);
 
-/// Touches at offset scratch.d become PieceState::touching, and the forces there times `seconds` what the
-/// colliders get. \param given what the piece gave away of its momentum, if contacts alone took it, N s: what
-/// minimizing leaves of it is shared out by load. \param[out] touches grows by the colliders touched.
+/// Touches at the offset that the objective's scratch ends at become PieceState::touching, and the forces there times
+/// `seconds` what the colliders get. \param given what the piece gave away of its momentum, if contacts alone took it,
+/// N s: what minimizing leaves of it is shared out by load. \param[out] touches grows by the colliders touched.
 void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
-                      double seconds, const Vector3d* given, const MinimizeScratch& scratch,
-                      Array<ColliderTouch>& touches);
+                      double seconds, const Vector3d* given, const Objective& objective, Array<ColliderTouch>& touches);
 
 }  // namespace sinew::internal

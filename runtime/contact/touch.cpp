@@ -597,11 +597,8 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   }
 }
 
-TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
-                          const float* d_b, std::span<const float> rows) {
+TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
   const Touch& touch = found.touch;
-  const Vector3f moved =
-      sumOf(rows.data() + found.row_a, d_a, a.field->k) - sumOf(rows.data() + found.row_b, d_b, b.field->k);
   const float rise = touch.normal.dot(moved), gap = touch.gap + rise;
   Vector3f slide = touch.slide + (moved - rise * touch.normal);
   TouchMemory memory = found.memory;

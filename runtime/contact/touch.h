@@ -98,9 +98,8 @@ std::size_t pointFloats(const Field& field);
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list);
 
-/// The memory of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction. Of a touch that does
-/// not push it is the way out and the place.
-TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
-                          const float* d_b, std::span<const float> rows);
+/// The memory of a touch whose point moved so from the prediction, past the piece that it goes out of. Of a touch that
+/// does not push it is the way out and the place.
+TouchMemory rememberTouch(const FoundTouch& found, const Eigen::Vector3f& moved);
 
 }  // namespace sinew::internal

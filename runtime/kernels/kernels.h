@@ -37,6 +37,9 @@ struct Kernels {
   double (*push_rubs)(const PushArguments& arguments);    ///< \return joule
   void (*add_pulls)(const PushSideArguments& arguments);
   void (*add_bends)(const PushSideArguments& arguments);
+  double (*dot)(const float* a, const float* b, std::uint32_t n);  ///< n a multiple of four
+  /// to += factor a. \return its product with another vector, which may be itself
+  double (*add_then_dot)(float factor, const float* a, float* to, const float* with, std::uint32_t n);
   const AttachKernels& attach;
 };
 

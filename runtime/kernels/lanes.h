@@ -173,6 +173,7 @@ SINEW_INLINE Float4 load4(const float* p) { return load<Float4>(p); }
 #if defined(__AVX__)
 using Double4 = double __attribute__((vector_size(32)));
 SINEW_INLINE void addTimes(Double4& sum, Double4 x, double factor) { sum += x * factor; }
+SINEW_INLINE void addTo(Double4& sum, Float4 x) { sum += __builtin_convertvector(x, Double4); }
 #else
 using Double2 = double __attribute__((vector_size(16)));
 struct Double4 {
@@ -181,6 +182,11 @@ struct Double4 {
 SINEW_INLINE void addTimes(Double4& sum, Double4 x, double factor) {
   sum.low += x.low * factor;
   sum.high += x.high * factor;
+}
+SINEW_INLINE void addTo(Double4& sum, Float4 x) {
+  using Float2 = float __attribute__((vector_size(8)));
+  sum.low += __builtin_convertvector(Float2{x[0], x[1]}, Double2);
+  sum.high += __builtin_convertvector(Float2{x[2], x[3]}, Double2);
 }
 #endif
 SINEW_INLINE Double4 loadDouble4(const double* p) {

@@ -65,14 +65,28 @@ SINEW_INLINE Vec3Of<Float8> slideOf(const PushPack& pack, const Vec3Of<Float8>& 
   return loadVector(pack.slide) + (way - dot(normal, way) * normal);
 }
 
+/// From a frame to the world, and back.
+SINEW_INLINE Vec3Of<Float8> turned(const float* r, const Vec3Of<Float8>& v) {
+  return {r[0] * v.x + (r[3] * v.y + r[6] * v.z), r[1] * v.x + (r[4] * v.y + r[7] * v.z),
+          r[2] * v.x + (r[5] * v.y + r[8] * v.z)};
+}
+SINEW_INLINE Vec3Of<Float8> turnedBack(const float* r, const Vec3Of<Float8>& v) {
+  return {r[0] * v.x + (r[1] * v.y + r[2] * v.z), r[3] * v.x + (r[4] * v.y + r[5] * v.z),
+          r[6] * v.x + (r[7] * v.y + r[8] * v.z)};
+}
+
 /// PushPack::way.
-static void pushWays(const PushArguments& a) {
-  const float* rows = a.rows;
-  for (std::uint32_t p = 0; p < a.count; ++p) {
-    const Vec3Of<Float8> of_a = sumOf(a.functions_a, rows, a.a);
-    rows += std::size_t(8) * a.functions_a;
-    storeVector(a.packs[p].way, of_a + sumOf(a.functions_b, rows, a.b));
-    rows += std::size_t(8) * a.functions_b;
+static void pushWays(const PushArguments& arguments) {
+  const float* rows = arguments.rows;
+  for (std::uint32_t p = 0; p < arguments.count; ++p) {
+    Vec3Of<Float8> way = {};
+    const PushSide sides[] = {arguments.a, arguments.b};
+    for (const PushSide& side : sides) {
+      if (side.functions == 0) continue;
+      way = way + turned(side.rotation, sumOf(side.functions, rows, side.coefficients));
+      rows += std::size_t(8) * side.functions;
+    }
+    storeVector(arguments.packs[p].way, way);
   }
 }
 
@@ -122,38 +136,46 @@ static double pushRubs(const PushArguments& a) {
   return energy;
 }
 
-/// to += rows times pulls.
-static void addPulls(const PushSideArguments& a) {
-  for (std::uint32_t j = 0; j < a.functions; ++j) {
+constexpr std::uint32_t kPacksAtOnce = 8;
+
+/// to += rows of some packs from `first` on times what they pull, in the frame of the piece.
+SINEW_INLINE void addRows(const PushSideArguments& a, std::uint32_t first, std::uint32_t count,
+                          const Vec3Of<Float8>* pulls) {
+  for (std::uint32_t j = 0; j < a.side.functions; ++j) {
     Vec3Of<Float8> sum = {};
-    const float* row = a.rows + 8 * j;
-    for (std::uint32_t p = 0; p < a.count; ++p, row += a.stride) sum = sum + load8(row) * loadVector(a.packs[p].pull);
+    const float* row = a.rows + a.stride * first + 8 * j;
+    for (std::uint32_t p = 0; p < count; ++p, row += a.stride) sum = sum + load8(row) * pulls[p];
     store4(a.to + 4 * j, load4(a.to + 4 * j) + sumsOf(sum));
   }
 }
 
-/// to += rows times (kappa of what pushes times the way of `offset` less the change from pulled to pull).
+/// to += rows times pulls.
+static void addPulls(const PushSideArguments& a) {
+  for (std::uint32_t first = 0; first < a.count; first += kPacksAtOnce) {
+    const std::uint32_t count = a.count - first < kPacksAtOnce ? a.count - first : kPacksAtOnce;
+    Vec3Of<Float8> pulls[kPacksAtOnce];
+    for (std::uint32_t p = 0; p < count; ++p) {
+      pulls[p] = turnedBack(a.side.rotation, loadVector(a.packs[first + p].pull));
+    }
+    addRows(a, first, count, pulls);
+  }
+}
+
+/// to += rows times (kappa of what pushes times the way of the side's step less the change from pulled to pull).
 static void addBends(const PushSideArguments& a) {
-  constexpr std::uint32_t kPacks = 8;
-  for (std::uint32_t first = 0; first < a.count; first += kPacks) {
-    const std::uint32_t count = a.count - first < kPacks ? a.count - first : kPacks;
-    const float* const rows = a.rows + a.stride * first;
-    Vec3Of<Float8> more[kPacks];
+  for (std::uint32_t first = 0; first < a.count; first += kPacksAtOnce) {
+    const std::uint32_t count = a.count - first < kPacksAtOnce ? a.count - first : kPacksAtOnce;
+    Vec3Of<Float8> more[kPacksAtOnce];
     Int8 counts = Float8{} < Float8{};
     for (std::uint32_t p = 0; p < count; ++p) {
       const PushPack& pack = a.packs[first + p];
       const Int8 pushes = gapOf(pack, loadVector(pack.normal), loadVector(pack.way)) < Float8{};
       const Vec3Of<Float8> pulled = loadVector(pack.pulled);
       counts |= either(pushes, dot(pulled, pulled) > Float8{});
-      more[p] = select(pushes, load8(pack.kappa) * sumOf(a.functions, rows + a.stride * p, a.offset)) +
-                (pulled - loadVector(pack.pull));
+      const Vec3Of<Float8> step = sumOf(a.side.functions, a.rows + a.stride * (first + p), a.side.coefficients);
+      more[p] = select(pushes, load8(pack.kappa) * step) + turnedBack(a.side.rotation, pulled - loadVector(pack.pull));
     }
-    if (!any(counts)) continue;
-    for (std::uint32_t j = 0; j < a.functions; ++j) {
-      Vec3Of<Float8> sum = {};
-      for (std::uint32_t p = 0; p < count; ++p) sum = sum + load8(rows + a.stride * p + 8 * j) * more[p];
-      store4(a.to + 4 * j, load4(a.to + 4 * j) + sumsOf(sum));
-    }
+    if (any(counts)) addRows(a, first, count, more);
   }
 }
 

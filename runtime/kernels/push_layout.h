@@ -20,23 +20,27 @@ struct PushPack {
 
 /// Pushes between pieces a and b. Rows, by pack: phi of a by function at eight points, then that of b; times -1 of the
 /// piece that a push goes out of, so that the way of a push is the sum of both times their coefficients.
+struct PushSide {
+  std::uint32_t functions;    ///< 0: there is no b
+  const float* rotation;      ///< of the frame that its coefficients are in, column-major
+  const float* coefficients;  ///< k x 4
+};
 struct PushArguments {
-  std::uint32_t count;                     ///< of packs
-  std::uint32_t functions_a, functions_b;  ///< 0: there is no b
+  std::uint32_t count;  ///< of packs
   PushPack* packs;
   const float* rows;
-  const float *a, *b;  ///< coefficients, k x 4
-  bool* pulls;         ///< out: whether any pull is not 0
+  PushSide a, b;
+  bool* pulls;  ///< out: whether any pull is not 0
 };
 
 /// One of the two pieces, and what is added to of it.
 struct PushSideArguments {
-  std::uint32_t count, functions;
+  std::uint32_t count;
   const PushPack* packs;
-  const float* rows;    ///< of this piece, in the first pack
-  std::size_t stride;   ///< from pack to pack, floats
-  const float* offset;  ///< of add_bends: its step, k x 4
-  float* to;            ///< k x 4
+  const float* rows;   ///< of this piece, in the first pack
+  std::size_t stride;  ///< from pack to pack, floats
+  PushSide side;       ///< coefficients: of add_bends its step
+  float* to;           ///< k x 4
 };
 
 }  // namespace sinew::internal

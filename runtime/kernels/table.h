@@ -13,6 +13,7 @@
 #include "runtime/kernels/attach.h"
 #include "runtime/kernels/field.h"
 #include "runtime/kernels/push.h"
+#include "runtime/kernels/vectors.h"
 #endif
 
 namespace sinew::internal::SINEW_NARROW_KERNELS {
@@ -32,6 +33,8 @@ double pushForcesOf(const PushArguments& a);
 double pushRubsOf(const PushArguments& a);
 void addPullsOf(const PushSideArguments& a);
 void addBendsOf(const PushSideArguments& a);
+double dotOf(const float* a, const float* b, std::uint32_t n);
+double addThenDotOf(float factor, const float* a, float* to, const float* with, std::uint32_t n);
 
 }  // namespace sinew::internal::SINEW_NARROW_KERNELS
 
@@ -53,6 +56,10 @@ double pushForcesOf(const PushArguments& a) { return pushForces(a); }
 double pushRubsOf(const PushArguments& a) { return pushRubs(a); }
 void addPullsOf(const PushSideArguments& a) { addPulls(a); }
 void addBendsOf(const PushSideArguments& a) { addBends(a); }
+double dotOf(const float* a, const float* b, std::uint32_t n) { return dot(a, b, n); }
+double addThenDotOf(float factor, const float* a, float* to, const float* with, std::uint32_t n) {
+  return addThenDot(factor, a, to, with, n);
+}
 #endif
 
 inline constexpr Kernels tableNamed(const char* name) {
@@ -72,6 +79,8 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::pushRubsOf,
           narrow::addPullsOf,
           narrow::addBendsOf,
+          narrow::dotOf,
+          narrow::addThenDotOf,
           narrow::kAttach};
 }
 

@@ -49,16 +49,22 @@ struct Field {
   const float* residual_locals = nullptr;  ///< by vertex, m/N
   std::uint32_t pack_count = 0;
 
-  const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
-  std::uint32_t stride = 0;             ///< 3 n rounded up to eight
-  const double* driven_mass = nullptr;  ///< of the driven functions: sum m phi, kg
-  double mass = 0;                      ///< kg
-  double young = 0;                     ///< mean Young's modulus, Pa
-  double foundation = 0;                ///< kappa of a vertex held at run time (docs/method.md §4), N/m
-  double lowest_hz = 0;                 ///< of the lowest elastic mode, Hz
+  const float* stiffness = nullptr;         ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
+  std::uint32_t stride = 0;                 ///< 3 n rounded up to eight
+  const double* driven_mass = nullptr;      ///< of the driven functions: sum m phi, kg
+  double mass = 0;                          ///< kg
+  double young = 0;                         ///< mean Young's modulus, Pa
+  double foundation = 0;                    ///< kappa of a vertex held at run time (docs/method.md §4), N/m
+  double lowest_hz = 0;                     ///< of the lowest elastic mode, Hz
+  Vector3d rest_center = Vector3d::Zero();  ///< of its mass, m
 
   /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.
   std::uint32_t unknowns() const { return 3 * (k - driven); }
+
+  double oneOf(std::uint32_t j) const { return double(functions[j].one); }
+  Vector3d restOf(std::uint32_t j) const {
+    return {double(functions[j].rest[0]), double(functions[j].rest[1]), double(functions[j].rest[2])};
+  }
 
   /// phi_j at vertex i of the piece, or at contact point i.
   float valueAt(std::uint32_t i, std::uint32_t j) const { return valuesAt(i)[8 * j]; }

@@ -31,19 +31,6 @@ constexpr double kEnergyNoise = 4e-6;
 
 using Four = Eigen::Array4f;
 
-/// A 3 x 3 matrix times rows of four, whose last is padding.
-class Turn {
- public:
-  /// \param r nine numbers, column by column.
-  static Turn by(const float* r) { return {{r[0], r[1], r[2], 0}, {r[3], r[4], r[5], 0}, {r[6], r[7], r[8], 0}}; }
-  static Turn back(const float* r) { return {{r[0], r[3], r[6], 0}, {r[1], r[4], r[7], 0}, {r[2], r[5], r[8], 0}}; }
-  Four operator*(const float* v) const { return v[0] * x_ + (v[1] * y_ + v[2] * z_); }
-
- private:
-  Turn(const Four& x, const Four& y, const Four& z) : x_(x), y_(y), z_(z) {}
-  Four x_, y_, z_;
-};
-
 }  // namespace
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
@@ -133,10 +120,6 @@ void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
 
 Four padded(const Eigen::Vector3f& v) { return {v[0], v[1], v[2], 0}; }
 
-Eigen::Vector3f wayOf(const Contact& contact, const float* d, std::uint32_t k) {
-  return sumOfRows(contact.phi, d, k).matrix().head<3>();
-}
-
 }  // namespace
 
 PushForce pushForce(const Push& push) {
@@ -160,7 +143,7 @@ void damp(Push& push, double c, double h, const Eigen::Vector3f& before) {
 // Their pull at the prediction is in scratch.residual.
 double Objective::held(const float* d, float* gradient) const {
   const std::uint32_t k = field->k, stride = field->stride;
-  const float* const r = holds_rotation;
+  const float* const r = holds_rotation.data();
   float *const local = scratch->x.data(), *const pull = scratch->parts.data();
   for (std::uint32_t j = 0; j < k; ++j) {
     for (std::uint32_t c = 0; c < 3; ++c) {
@@ -237,11 +220,11 @@ double Objective::external(const float* d, float* gradient) const {
   if (holds != nullptr) total += held(d, gradient);
   const std::uint32_t driven = field->driven;
   for (Contact& contact : scratch->contacts) {
-    contact.way = wayOf(contact, d, k);
+    contact.way = wayOf(contact.phi, d);
     const PushForce force = pushForce(contact);
     total += force.energy;
     if (gradient == nullptr || force.pull.isZero(0)) continue;
-    addTo(gradient + 4 * driven, contact.phi + driven, padded(force.pull), k - driven);
+    addTo(gradient + 4 * driven, contact.phi + driven, padded(rotation.transpose() * force.pull), k - driven);
   }
   return total;
 }
@@ -253,7 +236,7 @@ double Objective::rub(float* gradient) const {
     const PushForce change = pressAnew(contact);
     total += change.energy;
     if (change.pull.isZero(0)) continue;
-    addTo(gradient + 4 * driven, contact.phi + driven, padded(change.pull), k - driven);
+    addTo(gradient + 4 * driven, contact.phi + driven, padded(rotation.transpose() * change.pull), k - driven);
   }
   return total;
 }
@@ -270,14 +253,12 @@ double Objective::besideElastic(const float* d, float* gradient) const {
   return 0.5 / (h * h) * ((squared[0] + squared[1]) + squared[2]) + external(d, gradient);
 }
 
-void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Vector3d& rest_center,
-                         const Matrix3d& turned) {
-  for (int i = 0; i < 9; ++i) rotation[i] = float(turned.data()[i]);
+void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Matrix3d& turned) {
+  rotation = turned.cast<float>();
   for (std::uint32_t j = 0; j < field->k; ++j) {
-    const formats::FieldFunction& function = field->functions[j];
-    const double one = double(function.one);
-    const Vector3d rest = {double(function.rest[0]), double(function.rest[1]), double(function.rest[2])};
-    const Vector3d local = turned.transpose() * Vector3d(x[j] - one * center) - (rest - one * rest_center);
+    const double one = field->oneOf(j);
+    const Vector3d local =
+        turned.transpose() * Vector3d(x[j] - one * center) - (field->restOf(j) - one * field->rest_center);
     for (std::uint32_t c = 0; c < 3; ++c) scratch->shape[4 * j + c] = float(local[int(c)]);
     scratch->shape[4 * j + 3] = 0;
   }
@@ -287,15 +268,18 @@ void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, co
   }
 }
 
-void Objective::toFrame(const float* d) const {
-  const Turn turn = Turn::back(rotation);
+void Objective::placeAt(const float* d) const {
   for (std::uint32_t j = 0; j < 4 * field->k; j += 4) {
-    Four::Map(scratch->x.data() + j) = Four::Map(scratch->shape.data() + j) + turn * (d + j);
+    Four::Map(scratch->x.data() + j) = Four::Map(scratch->shape.data() + j) + Four::Map(d + j);
   }
 }
 
+Eigen::Vector3f Objective::wayOf(const float* row, const float* d) const {
+  return rotation * sumOfRows(row, d, field->k).matrix().head<3>();
+}
+
 double Objective::elastic(const float* d, float* gradient, bool mark) const {
-  toFrame(d);
+  placeAt(d);
   FieldEnergyArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
@@ -315,13 +299,11 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
     energy += fibres->fibre_energy +
               symmetric(fibres->fibres.data(), fibres->fibre_pull.data(), scratch->x.data(), field->k, 0, gradient);
   }
-  const Turn turn = Turn::by(rotation);
-  for (std::uint32_t j = 0; j < 4 * field->k; j += 4) Four::Map(gradient + j) = turn * (gradient + j);
   return energy;
 }
 
 void Objective::stiffnessAt(const float* d, float* matrix) const {
-  toFrame(d);
+  placeAt(d);
   FieldStiffnessArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
@@ -352,32 +334,30 @@ Objective::Value Objective::at(const float* d, float* gradient, bool mark) const
 
 void Objective::press(const float* d) const {
   for (Contact& contact : scratch->contacts) {
-    contact.way = wayOf(contact, d, field->k);
+    contact.way = wayOf(contact.phi, d);
     contact.pressed = loadOf(contact);
   }
 }
 
 void Objective::precondition(float* g) const {
-  // In the frame of the piece, where its stiffness is that of the rest shape.
   const std::uint32_t k = field->k, driven = field->driven;
   // Rows of three: the padding of each is where the next one goes, or spare.
   float* const local = scratch->x.data();
-  const Turn in = Turn::back(rotation), out = Turn::by(rotation);
-  for (std::uint32_t j = driven; j < k; ++j) Four::Map(local + 3 * (j - driven)) = in * (g + 4 * j);
+  for (std::uint32_t j = driven; j < k; ++j) Four::Map(local + 3 * (j - driven)) = Four::Map(g + 4 * j);
   if (system != nullptr) {
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
   } else {
     kernels().field_modes(
         {field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local});
   }
-  for (std::uint32_t j = driven; j < k; ++j) Four::Map(g + 4 * j) = out * (local + 3 * (j - driven));
+  for (std::uint32_t j = driven; j < k; ++j) std::copy_n(local + 3 * (j - driven), 3, g + 4 * j);
 }
 
 double Objective::heldByContacts(const float* direction) const {
   double held = 0;
   for (const Contact& contact : scratch->contacts) {
     if (gapOf(contact) < 0) continue;
-    held += double(contact.firm) * double(internal::wayOf(contact, direction, field->k).squaredNorm());
+    held += double(contact.firm) * double(wayOf(contact.phi, direction).squaredNorm());
   }
   return held;
 }
@@ -480,8 +460,7 @@ double Minimand::heldByContacts(const float* direction) const {
     held = piece.heldByContacts(direction + first[i]);
     for (const TouchRow& row : piece.touch_rows) {
       if (pushes(row)) continue;
-      const Eigen::Vector3f way = sumOfRows(row.phi, direction + first[i], piece.field->k).matrix().head<3>();
-      held += double(row.firm) * double(way.squaredNorm());
+      held += double(row.firm) * double(piece.wayOf(row.phi, direction + first[i]).squaredNorm());
     }
   });
   double held = 0;
@@ -521,7 +500,7 @@ void Minimand::renew(const float* d, bool pushing_only) const {
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     Objective& piece = *pieces[i];
     for (Contact& contact : piece.scratch->contacts) {
-      contact.way = internal::wayOf(contact, d + first[i], piece.field->k);
+      contact.way = piece.wayOf(contact.phi, d + first[i]);
       contact.firm = !pushing_only || gapOf(contact) < 0 ? contact.kappa : 0;
     }
     for (TouchRow& row : piece.touch_rows) row.firm = touches[row.touch].firm;
@@ -593,7 +572,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     std::copy_n(gradient, n, direction);
     pairs.reduce(direction, jobs);
     minimand.precondition(direction);
-    for (std::uint32_t i = 0; i < n; ++i) direction[i] *= scale;
+    for (std::uint32_t i = 0; scale != 1 && i < n; i += 4) Four::Map(direction + i) *= scale;
     pairs.expand(direction, jobs);
     double slope = dot(gradient, direction, n, jobs);
     if (!(slope > 0)) {
@@ -613,7 +592,8 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     bool taken = false;
     Objective::Value next;
     for (std::uint32_t tries = 0; tries < 6 && !taken && !settled; ++tries) {
-      for (std::uint32_t i = 0; i < n; ++i) trial[i] = d[i] - part * direction[i];
+      for (std::uint32_t i = 0; i < n; i += 4)
+        Four::Map(trial + i) = Four::Map(d + i) - part * Four::Map(direction + i);
       next = minimand.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
       const double wanted = value.total - kSufficient * double(part) * slope;

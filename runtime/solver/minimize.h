@@ -84,9 +84,9 @@ struct MinimizeScratch {
   /// The same of what minimize() takes for so many floats of coefficients.
   void reserveVectors(std::size_t size);
 
-  Array<float> base;    ///< the prediction, relative to its centre
+  Array<float> base;    ///< the prediction, relative to its centre, in the world
   Array<float> offset;  ///< from there to the base
-  Array<float> shape;   ///< the same in the frame of the piece, less the rest shape
+  Array<float> shape;   ///< the prediction relative to its centre, less the rest shape, in the frame of the piece
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
   Pairs pairs;  ///< of pieces together
   Array<float> lanes, parts, quaternions;
@@ -99,7 +99,8 @@ struct MinimizeScratch {
   Array<Vector3d> forces;  ///< at points, on each coefficient, N
 };
 
-/// The step's objective, relative to its value at the prediction but for the elastic energy.
+/// The step's objective, relative to its value at the prediction but for the elastic energy. Offsets, gradients and
+/// matrices are in the frame of the piece; places, ways and pulls of points in the world.
 struct Objective {
   const Field* field = nullptr;
   double h = 0;                        ///< of the inertia: the step, or 2/3 of it, s
@@ -108,9 +109,9 @@ struct Objective {
   const Piece* fibres = nullptr;       ///< whose fibres, fibre_pull and fibre_energy count, or null
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   const float* holds = nullptr;        ///< Holds::by_function, or null
-  float holds_rotation[9];             ///< of their frame, column-major
-  bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
-  float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
+  Eigen::Matrix3f holds_rotation = Eigen::Matrix3f::Identity();  ///< of their frame in that of the piece
+  bool has_offset = false;  ///< scratch.offset counts: the base is not where inertia alone would lead
+  Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();  ///< of the piece
   const float* system = nullptr;   ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
   std::span<TouchRow> touch_rows;  ///< of what couples it to other pieces
   MinimizeScratch* scratch = nullptr;
@@ -121,17 +122,17 @@ struct Objective {
   /// \param d offset from the prediction, k x 4. \param mark finds how far squeezed samples lean on the piece's
   /// rotation.
   Value at(const float* d, float* gradient, bool mark) const;
-  /// Coefficients in the frame of the piece, less those of the rest shape, into scratch.x.
-  void toFrame(const float* d) const;
-  /// Second derivative of the elastic energy at d, made positive, in the frame of the piece: 3 n rows of `stride`
-  /// floats.
+  /// Coefficients less those of the rest shape, into scratch.x.
+  void placeAt(const float* d) const;
+  /// Way in the world of a point with this row, m.
+  Eigen::Vector3f wayOf(const float* row, const float* d) const;
+  /// Second derivative of the elastic energy at d, made positive: 3 n rows of `stride` floats.
   void stiffnessAt(const float* d, float* matrix) const;
   /// The elastic energy, that of fibres among it, and its gradient, at the driven functions as well.
   double elastic(const float* d, float* gradient, bool mark) const;
-  /// Makes scratch.shape and the start of the search for rotations. \param x coefficients. \param center,
-  /// rest_center of them and of the rest shape. \param turned the frame: a rotation to the digits of doubles.
-  void setFrame(std::span<const Vector3d> x, const Vector3d& center, const Vector3d& rest_center,
-                const Matrix3d& turned);
+  /// Makes scratch.shape and the start of the search for rotations. \param x coefficients. \param center of them.
+  /// \param turned the frame: a rotation to the digits of doubles.
+  void setFrame(std::span<const Vector3d> x, const Vector3d& center, const Matrix3d& turned);
   /// All of it but the elastic energy; adds to the gradient where that is not null.
   double besideElastic(const float* d, float* gradient) const;
   /// The springs' and contacts' part of it.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "runtime/kernels/kernels.h"
 #include "runtime/solver/for_each.h"
 
 namespace sinew::internal {
@@ -34,41 +35,24 @@ auto sumOfParts(JobSystem* jobs, std::uint32_t n, const SumOf& sumOf) {
   return sum;
 }
 
-double dotOf(const float* a, const float* b, std::uint32_t n) {
-  constexpr std::uint32_t kRun = 32;
-  const auto product = [&](std::uint32_t i) { return Four(Four::Map(a + i) * Four::Map(b + i)); };
-  Eigen::Array4d total = Eigen::Array4d::Zero();
-  std::uint32_t i = 0;
-  for (; i + kRun <= n; i += kRun) {
-    const Four run = ((product(i) + product(i + 4)) + (product(i + 8) + product(i + 12))) +
-                     ((product(i + 16) + product(i + 20)) + (product(i + 24) + product(i + 28)));
-    total += run.cast<double>();
-  }
-  for (; i < n; i += 4) total += product(i).cast<double>();
-  return (total[0] + total[1]) + (total[2] + total[3]);
-}
-
 Eigen::Array3d productsOf(const float* a, const float* b, std::uint32_t n) {
-  return {dotOf(a, b, n), dotOf(a, a, n), dotOf(b, b, n)};
+  const auto& dot = kernels().dot;
+  return {dot(a, b, n), dot(a, a, n), dot(b, b, n)};
 }
 
-void add(float factor, const float* a, float* to, std::uint32_t n) {
-  for (std::uint32_t i = 0; i < n; i += 4) Four::Map(to + i) += factor * Four::Map(a + i);
-}
-
-/// add(), and then the product with another vector, unless that is null.
+/// to += factor a. \return its product with another vector
 double addThenDot(JobSystem* jobs, float factor, const float* a, float* to, const float* with, std::uint32_t n) {
   return sumOfParts(jobs, n, [&](std::uint32_t begin, std::uint32_t end) {
-    add(factor, a + begin, to + begin, end - begin);
-    return with == nullptr ? 0 : dotOf(with + begin, to + begin, end - begin);
+    return kernels().add_then_dot(factor, a + begin, to + begin, with + begin, end - begin);
   });
 }
 
 }  // namespace
 
 double dot(const float* a, const float* b, std::uint32_t n, JobSystem* jobs) {
-  return sumOfParts(jobs, n,
-                    [&](std::uint32_t begin, std::uint32_t end) { return dotOf(a + begin, b + begin, end - begin); });
+  return sumOfParts(jobs, n, [&](std::uint32_t begin, std::uint32_t end) {
+    return kernels().dot(a + begin, b + begin, end - begin);
+  });
 }
 
 void Pairs::start(std::uint32_t n) {
@@ -78,21 +62,18 @@ void Pairs::start(std::uint32_t n) {
   values_.resize(std::size_t(2) * most_ * n);
 }
 
-void Pairs::carry(const Eigen::Matrix3f& turn, float identity) {
+void Pairs::carry(float identity) {
   fresh_ = false;
-  const auto column = [&turn](int i) { return Four(turn(0, i), turn(1, i), turn(2, i), 0); };
-  const Four x = column(0), y = column(1), z = column(2);
+  if (identity == 0) return;
   for (std::uint32_t age = 0; age < count_; ++age) {
     const std::uint32_t i = slot(age);
-    float* const pair = offset(i);
-    for (std::uint32_t j = 0; j < 2 * n_; j += 4) {
-      float* const at = pair + j;
-      Four::Map(at) = at[0] * x + (at[1] * y + at[2] * z);
-    }
-    add(identity, offset(i), change(i), n_);
-    curvature_[i] = dot(offset(i), change(i), n_);
-    if (!(curvature_[i] > 0 && std::isfinite(curvature_[i]))) count_ = 0;
+    setCurvature(i, addThenDot(nullptr, identity, offset(i), change(i), offset(i), n_));
   }
+}
+
+void Pairs::setCurvature(std::uint32_t slot, double curvature) {
+  curvature_[slot] = curvature;
+  if (!(curvature > 0 && std::isfinite(curvature))) count_ = 0;
 }
 
 void Pairs::reduce(float* direction, JobSystem* jobs) {
@@ -100,7 +81,7 @@ void Pairs::reduce(float* direction, JobSystem* jobs) {
   for (std::uint32_t age = 0; age < count_; ++age) {
     const std::uint32_t i = slot(age);
     along_[i] = product / curvature_[i];
-    const float* const next = age + 1 < count_ ? offset(slot(age + 1)) : nullptr;
+    const float* const next = age + 1 < count_ ? offset(slot(age + 1)) : direction;
     product = addThenDot(jobs, float(-along_[i]), change(i), direction, next, n_);
   }
 }
@@ -109,7 +90,7 @@ void Pairs::expand(float* direction, JobSystem* jobs) const {
   double product = count_ > 0 ? dot(change(slot(count_ - 1)), direction, n_, jobs) : 0;
   for (std::uint32_t age = count_; age-- > 0;) {
     const std::uint32_t i = slot(age);
-    const float* const next = age > 0 ? change(slot(age - 1)) : nullptr;
+    const float* const next = age > 0 ? change(slot(age - 1)) : direction;
     product = addThenDot(jobs, float(along_[i] - product / curvature_[i]), offset(i), direction, next, n_);
   }
 }
@@ -125,9 +106,9 @@ void Pairs::take(const float* from, const float* to, const float* gradient, cons
 void Pairs::propose(const float* from, const float* to, const float* gradient, const float* next_gradient,
                     std::uint32_t begin, std::uint32_t end) {
   float *const way = offset(next()), *const bend = nextChange();
-  for (std::uint32_t j = begin; j < end; ++j) {
-    way[j] = to[j] - from[j];
-    bend[j] = next_gradient[j] - gradient[j];
+  for (std::uint32_t j = begin; j < end; j += 4) {
+    Four::Map(way + j) = Four::Map(to + j) - Four::Map(from + j);
+    Four::Map(bend + j) = Four::Map(next_gradient + j) - Four::Map(gradient + j);
   }
 }
 
@@ -162,6 +143,7 @@ void Pairs::restore(std::uint32_t n, std::uint32_t count, const std::byte* from)
       std::memcpy(pair + j, from, 3 * sizeof(float));
       pair[j + 3] = 0;
     }
+    setCurvature(i, dot(offset(i), change(i), n_));
   }
 }
 

@@ -33,9 +33,9 @@ class Pairs {
   std::uint32_t count() const { return count_; }
   std::uint32_t most() const { return most_; }
 
-  /// Goes on in another step of the same length of vectors: turned, and of an objective whose second derivative has so
-  /// much more of the identity. Pairs along which that is not positive end all.
-  void carry(const Eigen::Matrix3f& turn, float identity);
+  /// Goes on in another step of the same length of vectors, of an objective whose second derivative has so much more of
+  /// the identity. Pairs along which that is not positive end all.
+  void carry(float identity);
   /// Whether there are pairs since start() or carry().
   bool fresh() const { return fresh_; }
 
@@ -63,6 +63,8 @@ class Pairs {
  private:
   /// \param products of offset and change, of the offset and of the change with themselves
   void keep(const Eigen::Array3d& products);
+  /// One that is not positive ends all.
+  void setCurvature(std::uint32_t slot, double curvature);
   std::uint32_t next() const { return (newest_ + 1) % most_; }
   std::uint32_t slot(std::uint32_t age) const { return (newest_ + most_ - age) % most_; }
   float* offset(std::uint32_t slot) { return values_.data() + std::size_t(2 * n_) * slot; }

@@ -60,10 +60,9 @@ struct PieceState {
   bool leaning = false;               ///< on other pieces, of which one is held
   Array<TouchingPoint> touching;      ///< by collider, then by point
   Array<float> plastic;               ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
-  /// Of the last step, its inertia of a length pairs_h, s, and the frame then; none where h_before is 0.
+  /// Of the last step, its inertia of a length pairs_h, s; none where h_before is 0.
   Pairs pairs;
   double pairs_h = 0;
-  Eigen::Matrix3f pairs_frame = Eigen::Matrix3f::Identity();
   /// Of an impact that goes on: the impulse that restitution returns, N s, and the energy that has been lost, J.
   Vector3d rebound = Vector3d::Zero();
   double lost = 0;

@@ -35,6 +35,20 @@ Block blockOf(const Eigen::Matrix4d& gram) {
 /// from -= a b^T: unrolled once.
 [[gnu::noinline]] void subtractProduct(Block& from, const Block& a, const Block& b) { from -= a * b.transpose(); }
 
+/// A row's moments of a translation and a turn about the centre, in the frame of the piece.
+Eigen::Vector4d momentsOf(const Field& field, const float* phi) {
+  double one = 0;
+  Vector3d rest = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    one += double(phi[j]) * field.oneOf(j);
+    rest += double(phi[j]) * field.restOf(j);
+  }
+  rest -= one * field.rest_center;
+  return {one, rest[0], rest[1], rest[2]};
+}
+
+Matrix3d frameOf(const Objective& objective) { return objective.rotation.cast<double>(); }
+
 bool invert(const Block& block, Block& inverse) {
   const Eigen::LLT<Block> factor(block);
   if (factor.info() != Eigen::Success) return false;
@@ -45,93 +59,60 @@ bool invert(const Block& block, Block& inverse) {
 }  // namespace
 
 RigidCoupling::RigidCoupling(std::pmr::memory_resource* memory)
-    : nodes_(memory),
-      couplings_(memory),
-      keys_(memory),
-      node_of_(memory),
-      first_arm_(memory),
-      arms_(memory),
-      moments_(memory),
-      blocks_(memory) {}
+    : nodes_(memory), couplings_(memory), keys_(memory), node_of_(memory), moments_(memory), blocks_(memory) {}
 
-void RigidCoupling::reserve(std::size_t pieces, std::size_t functions, std::size_t touches) {
+void RigidCoupling::reserve(std::size_t pieces, std::size_t touches) {
   nodes_.reserve(pieces);
   node_of_.reserve(pieces);
-  first_arm_.reserve(pieces);
-  arms_.reserve(functions);
   couplings_.reserve(touches);
   keys_.reserve(touches);
   moments_.reserve(2 * touches);
   blocks_.reserve(pieces);
 }
 
-Eigen::Vector4d RigidCoupling::momentsOf(std::uint32_t piece, const Field& field, const float* phi) const {
-  Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-  for (std::uint32_t j = 0; j < field.k; ++j) sum += double(phi[j]) * arms(piece)[j];
-  return sum;
-}
-
-void RigidCoupling::findArms(std::uint32_t piece, const Objective& objective) {
+RigidCoupling::Block RigidCoupling::ownBlock(const Objective& objective) {
   const Field& field = *objective.field;
-  Vector3d center = Vector3d::Zero();
-  double mass = 0;
-  for (const formats::FieldFunction& f : field.functions) {
-    center += double(f.one) * Vector3d(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
-    mass += double(f.one) * double(f.one);
-  }
-  if (mass > 0) center /= mass;
-  const Matrix3d turn = Eigen::Map<const Eigen::Matrix3f>(objective.rotation).cast<double>();
-  Eigen::Vector4d* arm = arms(piece);
-  for (const formats::FieldFunction& f : field.functions) {
-    const Vector3d rest = {double(f.rest[0]), double(f.rest[1]), double(f.rest[2])};
-    *arm++ << double(f.one), turn * (rest - double(f.one) * center);
-  }
-}
-
-RigidCoupling::Block RigidCoupling::ownBlock(std::uint32_t piece, const Objective& objective) {
-  const Field& field = *objective.field;
+  const std::uint32_t k = field.k;
   Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
+  const auto armOf = [&field](std::uint32_t j) {
+    const double one = field.oneOf(j);
+    const Vector3d arm = field.restOf(j) - one * field.rest_center;
+    return Eigen::Vector4d(one, arm[0], arm[1], arm[2]);
+  };
   const double inertia = 1 / (objective.h * objective.h);
-  for (std::uint32_t j = 0; j < field.k; ++j) gram += inertia * arms(piece)[j] * arms(piece)[j].transpose();
+  for (std::uint32_t j = 0; j < k; ++j) gram += inertia * armOf(j) * armOf(j).transpose();
   if (objective.has_springs) {
     const float* row = objective.scratch->springs.data();
-    for (std::uint32_t i = 0; i < field.k; ++i, row += field.k) {
-      gram += momentsOf(piece, field, row) * arms(piece)[i].transpose();
-    }
+    for (std::uint32_t i = 0; i < k; ++i, row += k) gram += momentsOf(field, row) * armOf(i).transpose();
   }
   // The mean of its three directions.
-  for (std::uint32_t i = 0; objective.holds != nullptr && i < field.k; ++i) {
+  for (std::uint32_t i = 0; objective.holds != nullptr && i < k; ++i) {
     const auto at = [&](std::uint32_t j, std::uint32_t c) {
       return objective.holds[std::size_t(field.stride) * (3 * i + c) + 3 * j + c];
     };
     Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      sum += double(objective.stiffness) / 3 * double(at(j, 0) + at(j, 1) + at(j, 2)) * arms(piece)[j];
+    for (std::uint32_t j = 0; j < k; ++j) {
+      sum += double(objective.stiffness) / 3 * double(at(j, 0) + at(j, 1) + at(j, 2)) * armOf(j);
     }
-    gram += sum * arms(piece)[i].transpose();
+    gram += sum * armOf(i).transpose();
   }
   for (const Contact& contact : objective.scratch->contacts) {
-    const Eigen::Vector4d at = momentsOf(piece, field, contact.phi);
+    const Eigen::Vector4d at = momentsOf(field, contact.phi);
     gram += double(contact.firm) * at * at.transpose();
   }
+  Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
+  turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
-    const Eigen::Vector4d at = momentsOf(piece, field, touch.phi);
+    const Eigen::Vector4d at = momentsOf(field, touch.phi);
     gram += double(touch.firm) * at * at.transpose();
-    moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = at;
+    moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
-  return blockOf(gram);
+  return blockOf(turn * gram * turn.transpose());
 }
 
 void RigidCoupling::make(const Minimand& minimand) {
   nodes_.clear();
   couplings_.clear();
-  first_arm_.clear();
-  std::uint32_t functions = 0;
-  for (const Objective* piece : minimand.pieces) {
-    first_arm_.push_back(functions);
-    functions += piece->field->k;
-  }
-  arms_.resize(functions);
   moments_.resize(2 * minimand.touches.size());
   node_of_.resize(minimand.pieces.size());
   std::fill(node_of_.begin(), node_of_.end(), formats::kNone);
@@ -142,8 +123,7 @@ void RigidCoupling::make(const Minimand& minimand) {
   }
   forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
     Node& node = nodes_[n];
-    findArms(node.piece, *minimand.pieces[node.piece]);
-    node.inverse = ownBlock(node.piece, *minimand.pieces[node.piece]);
+    node.inverse = ownBlock(*minimand.pieces[node.piece]);
     if (!invert(node.inverse, node.own)) node.own.setZero();
   });
   // Of touches, by the nodes that they couple.
@@ -218,15 +198,18 @@ void RigidCoupling::takeApart() {
 void RigidCoupling::take(const Minimand& minimand, const float* g) {
   forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
     Node& node = nodes_[n];
-    const std::uint32_t k = minimand.pieces[node.piece]->field->k;
-    const float* const from = g + minimand.first[node.piece];
-    node.load.setZero();
-    for (std::uint32_t j = 0; j < k; ++j) {
-      const Vector3d pull = {double(from[4 * j]), double(from[4 * j + 1]), double(from[4 * j + 2])};
-      const Eigen::Vector4d& arm = arms(node.piece)[j];
-      node.load.head<3>() += arm[0] * pull;
-      node.load.tail<3>() += arm.tail<3>().cross(pull);
+    const Objective& piece = *minimand.pieces[node.piece];
+    const Field& field = *piece.field;
+    const float* from = g + minimand.first[node.piece];
+    Vector3d force = Vector3d::Zero(), torque = force;
+    for (std::uint32_t j = 0; j < field.k; ++j, from += 4) {
+      const Vector3d pull = {double(from[0]), double(from[1]), double(from[2])};
+      force += field.oneOf(j) * pull;
+      torque += field.restOf(j).cross(pull);
     }
+    torque -= field.rest_center.cross(force);
+    const Matrix3d frame = frameOf(piece);
+    node.load << frame * force, frame * torque;
     node.way = node.load;
   });
 }
@@ -259,13 +242,14 @@ void RigidCoupling::giveAlone(const Minimand& minimand, float* direction) {
 }
 
 void RigidCoupling::add(const Minimand& minimand, const Node& node, const Six& motion, float* direction) {
-  const Vector3d shift = motion.head<3>(), turn = motion.tail<3>();
-  float* const to = direction + minimand.first[node.piece];
-  const std::uint32_t k = minimand.pieces[node.piece]->field->k;
-  for (std::uint32_t j = 0; j < k; ++j) {
-    const Eigen::Vector4d& arm = arms(node.piece)[j];
-    const Vector3d way = arm[0] * shift + turn.cross(Vector3d(arm.tail<3>()));
-    for (std::uint32_t c = 0; c < 3; ++c) to[4 * j + c] += float(way[int(c)]);
+  const Objective& piece = *minimand.pieces[node.piece];
+  const Field& field = *piece.field;
+  const Matrix3d back = frameOf(piece).transpose();
+  const Vector3d turn = back * motion.tail<3>(), shift = back * motion.head<3>() - turn.cross(field.rest_center);
+  float* to = direction + minimand.first[node.piece];
+  for (std::uint32_t j = 0; j < field.k; ++j, to += 4) {
+    const Vector3d way = field.oneOf(j) * shift + turn.cross(field.restOf(j));
+    for (std::uint32_t c = 0; c < 3; ++c) to[c] += float(way[int(c)]);
   }
 }
 

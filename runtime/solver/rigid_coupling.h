@@ -24,8 +24,8 @@ class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
 
-  /// Memory for so many pieces of so many functions in all.
-  void reserve(std::size_t pieces, std::size_t functions, std::size_t touches);
+  /// Memory for so many pieces.
+  void reserve(std::size_t pieces, std::size_t touches);
   /// \pre frames and systems are made
   void make(const Minimand& minimand);
   /// R^T g of all pieces. \param g size() floats of the minimand.
@@ -48,16 +48,8 @@ class RigidCoupling {
     std::uint64_t key;  ///< earlier node << 32 | later one
     Block block;        ///< of A, later row; then of L
   };
-  /// A coefficient's parts of a translation and a turn.
-  Eigen::Vector4d* arms(std::uint32_t piece) { return arms_.data() + first_arm_[piece]; }
-
-  const Eigen::Vector4d* arms(std::uint32_t piece) const { return arms_.data() + first_arm_[piece]; }
-
-  void findArms(std::uint32_t piece, const Objective& objective);
   /// Its block of D; and the moments of its rows.
-  Block ownBlock(std::uint32_t piece, const Objective& objective);
-  /// A row's moments of a translation and a turn.
-  Eigen::Vector4d momentsOf(std::uint32_t piece, const Field& field, const float* phi) const;
+  Block ownBlock(const Objective& objective);
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();
@@ -68,9 +60,8 @@ class RigidCoupling {
   Array<Node> nodes_;
   Array<Coupling> couplings_;  ///< by their keys
   Array<std::uint64_t> keys_;
-  Array<std::uint32_t> node_of_, first_arm_;
-  Array<Eigen::Vector4d> arms_;     ///< by function: 1, and the place in the world about the centre
-  Array<Eigen::Vector4d> moments_;  ///< of touches, both sides
+  Array<std::uint32_t> node_of_;
+  Array<Eigen::Vector4d> moments_;  ///< of touches, both sides, in the world
   Array<Block> blocks_;             ///< scratch of takeApart()
 };
 

@@ -15,15 +15,9 @@ constexpr float kTurned = 0.05F;
 /// Additions to the diagonal, relative: rounding must not make a factor negative.
 constexpr float kRoundings[] = {3e-7F, 3e-5F, 3e-3F};
 
-/// From the frame of the piece to that of its holds.
-Eigen::Matrix3f holdsTurn(const Objective& objective) {
-  using Rotation = Eigen::Map<const Eigen::Matrix3f>;
-  return Rotation(objective.rotation).transpose().lazyProduct(Rotation(objective.holds_rotation));
-}
-
 void addHolds(const Objective& objective, float* matrix) {
   const Field& field = *objective.field;
-  const Eigen::Matrix3f turn = holdsTurn(objective);
+  const Eigen::Matrix3f& turn = objective.holds_rotation;
   for (std::uint32_t i = 0; i < field.unknowns(); i += 3) {
     for (std::uint32_t j = 0; j <= i; j += 3) {
       Eigen::Matrix3f block;
@@ -97,7 +91,7 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   const auto& touches = objective.touch_rows;
   if (!objective.has_springs && contacts.empty() && touches.empty()) return;
   const auto split = system.points.begin() + std::min(contacts.size(), system.points.size());
-  const bool turned = objective.holds != nullptr && !(holdsTurn(objective) - system.holds_turn).isZero(kTurned);
+  const bool turned = objective.holds != nullptr && !(objective.holds_rotation - system.holds_turn).isZero(kTurned);
   const bool same =
       system.h == objective.h && !turned &&
       std::equal(
@@ -111,7 +105,7 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   }
   make(objective, system, nullptr);
   system.h = objective.system != nullptr ? objective.h : 0;
-  if (objective.holds != nullptr) system.holds_turn = holdsTurn(objective);
+  if (objective.holds != nullptr) system.holds_turn = objective.holds_rotation;
   system.points.clear();
   for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.firm});
   for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.firm});

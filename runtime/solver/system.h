@@ -24,7 +24,7 @@ struct SystemFactor {
 
   Array<float> factor;                                       ///< 3 n rows of `stride` floats; the lower triangle
   Array<Point> points;                                       ///< contacts among it, then touches by their keys
-  Eigen::Matrix3f holds_turn = Eigen::Matrix3f::Identity();  ///< from the frame of the piece to that of holds among it
+  Eigen::Matrix3f holds_turn = Eigen::Matrix3f::Identity();  ///< of the frame of holds among it
   double h = 0;  ///< of the inertia, s; 0: not that of the rest shape with these springs
 };
 

@@ -31,12 +31,11 @@ void TouchLanes::clear() {
   has_friction_ = false;
 }
 
-std::uint32_t TouchLanes::addPair(std::uint32_t a, std::uint32_t functions_a, std::uint32_t b,
-                                  std::uint32_t functions_b, Range touches) {
+std::uint32_t TouchLanes::addPair(const TouchSide& a, const TouchSide& b, Range touches) {
   const Range packs = {std::uint32_t(packs_.size()), packsOf(touches.count)};
-  pairs_.push_back({a, b, functions_a, functions_b, touches, packs, rows_.size(), false, 0});
+  pairs_.push_back({a, b, touches, packs, rows_.size(), false, 0});
   packs_.resize(packs.first + packs.count);
-  rows_.resize(rows_.size() + rowsOf(packs.count, functions_a, functions_b));
+  rows_.resize(rows_.size() + rowsOf(packs.count, a.functions, b.functions));
   return 8 * packs.first;
 }
 
@@ -52,11 +51,11 @@ void TouchLanes::set(std::uint32_t slot, const TouchPair& pair, const Push& push
   pack.kappa[lane] = push.kappa;
   pack.friction[lane] = push.friction;
   float* row =
-      rows_.data() + pair.first_row + rowsOf(slot / 8 - pair.packs.first, pair.functions_a, pair.functions_b) + lane;
+      rows_.data() + pair.first_row + rowsOf(slot / 8 - pair.packs.first, pair.a.functions, pair.b.functions) + lane;
   const float *const of_a = turned ? phi_b : phi_a, *const of_b = turned ? phi_a : phi_b;
   const float sign = turned ? -1.0F : 1.0F;
-  for (std::uint32_t j = 0; j < pair.functions_a; ++j, row += 8) *row = sign * of_a[j];
-  for (std::uint32_t j = 0; j < pair.functions_b; ++j, row += 8) *row = -sign * of_b[j];
+  for (std::uint32_t j = 0; j < pair.a.functions; ++j, row += 8) *row = sign * of_a[j];
+  for (std::uint32_t j = 0; j < pair.b.functions; ++j, row += 8) *row = -sign * of_b[j];
 }
 
 void TouchLanes::finish(std::uint32_t pieces) {
@@ -64,8 +63,8 @@ void TouchLanes::finish(std::uint32_t pieces) {
   std::fill(first_side_.begin(), first_side_.end(), 0U);
   const auto visit = [this](const auto& each) {
     for (std::uint32_t i = 0; i < pairs_.size(); ++i) {
-      each(pairs_[i].a, Side{i, false});
-      if (pairs_[i].functions_b > 0) each(pairs_[i].b, Side{i, true});
+      each(pairs_[i].a.piece, Side{i, false});
+      if (pairs_[i].b.functions > 0) each(pairs_[i].b.piece, Side{i, true});
     }
   };
   visit([this](std::uint32_t piece, Side) { ++first_side_[piece + 1]; });
@@ -88,14 +87,12 @@ float TouchLanes::gap(std::uint32_t slot) const {
 }
 
 PushArguments TouchLanes::argumentsOf(TouchPair& pair, const float* d, std::span<const std::uint32_t> first) {
-  return {pair.packs.count,
-          pair.functions_a,
-          pair.functions_b,
-          packs_.data() + pair.packs.first,
-          rows_.data() + pair.first_row,
-          d + first[pair.a],
-          pair.functions_b > 0 ? d + first[pair.b] : nullptr,
-          &pair.pulls};
+  const auto sideOf = [&](const TouchSide& side) {
+    return PushSide{side.functions, side.rotation, d + first[side.piece]};
+  };
+  return {
+      pair.packs.count, packs_.data() + pair.packs.first, rows_.data() + pair.first_row, sideOf(pair.a), sideOf(pair.b),
+      &pair.pulls};
 }
 
 double TouchLanes::energy() const {
@@ -123,8 +120,8 @@ void TouchLanes::place(const float* d, std::span<const std::uint32_t> first, boo
 double TouchLanes::rub(JobSystem* jobs) {
   forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob, [&](std::uint32_t i) {
     TouchPair& pair = pairs_[i];
-    pair.energy = kernels().push_rubs(
-        {pair.packs.count, 0, 0, packs_.data() + pair.packs.first, nullptr, nullptr, nullptr, &pair.pulls});
+    pair.energy =
+        kernels().push_rubs({pair.packs.count, packs_.data() + pair.packs.first, nullptr, {}, {}, &pair.pulls});
   });
   return energy();
 }
@@ -136,14 +133,11 @@ void TouchLanes::pullOn(JobSystem* jobs) {
 
 PushSideArguments TouchLanes::sideOf(const Side& side, const float* offset, float* to) const {
   const TouchPair& pair = pairs_[side.pair];
-  const std::size_t of_a = std::size_t(8) * pair.functions_a, of_b = std::size_t(8) * pair.functions_b;
-  return {pair.packs.count,
-          side.is_b ? pair.functions_b : pair.functions_a,
-          packs_.data() + pair.packs.first,
-          rows_.data() + pair.first_row + (side.is_b ? of_a : 0),
-          of_a + of_b,
-          offset,
-          to};
+  const std::size_t of_a = std::size_t(8) * pair.a.functions, of_b = std::size_t(8) * pair.b.functions;
+  const TouchSide& own = side.is_b ? pair.b : pair.a;
+  return {
+      pair.packs.count, packs_.data() + pair.packs.first,      rows_.data() + pair.first_row + (side.is_b ? of_a : 0),
+      of_a + of_b,      {own.functions, own.rotation, offset}, to};
 }
 
 void TouchLanes::addPulls(std::uint32_t piece, float* gradient) const {

@@ -19,11 +19,16 @@ struct Range {
   std::uint32_t first, count;
 };
 
-/// Two pieces of a Minimand that touch, or one that touches itself: then there is no b.
+/// One piece of a Minimand that touches another.
+struct TouchSide {
+  std::uint32_t piece, functions;
+  const float* rotation;  ///< of its frame, column-major
+};
+
+/// Two pieces that touch, or one that touches itself: then b has no functions.
 struct TouchPair {
-  std::uint32_t a, b;
-  std::uint32_t functions_a, functions_b;  ///< 0: no b
-  Range touches;                           ///< of Minimand::touches
+  TouchSide a, b;
+  Range touches;  ///< of Minimand::touches
   Range packs;
   std::size_t first_row;  ///< floats
   bool pulls;             ///< whether any of its pulls is not 0
@@ -45,8 +50,7 @@ class TouchLanes {
 
   void clear();
   /// \return the slot of its first touch; the others' follow
-  std::uint32_t addPair(std::uint32_t a, std::uint32_t functions_a, std::uint32_t b, std::uint32_t functions_b,
-                        Range touches);
+  std::uint32_t addPair(const TouchSide& a, const TouchSide& b, Range touches);
   /// \param phi_a, phi_b rows of the piece whose point it is and of the one that it goes out of. \param turned that the
   /// pair has these the other way round.
   void set(std::uint32_t slot, const TouchPair& pair, const Push& push, const float* phi_a, const float* phi_b,

@@ -78,7 +78,7 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   const Field& field = piece.field();
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
   const Matrix3d of_piece = rotationOf(field, z, center);
-  const RigidPlace place = placeOfHolds(body, piece, part, {of_piece, center - of_piece * restCenterOf(field)});
+  const RigidPlace place = placeOfHolds(body, piece, part, {of_piece, center - of_piece * field.rest_center});
   findWays(body, piece, z, place, part, piece.holds.stiffness, body.ways);
   body.amplitudes.resize(field.residual_modes);
   findAmplitudes(piece, body.ways, body.amplitudes);
@@ -103,7 +103,7 @@ void restPiece(const Body& body, Piece& piece) {
   const Vector3d position = asVector(body.settings.position).cast<double>();
   PieceState& state = piece.state;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    state.z[j] = rotation * restOf(field, j) + oneOf(field, j) * position;
+    state.z[j] = rotation * field.restOf(j) + oneOf(field, j) * position;
     state.v[j].setZero();
   }
   standStill(state);
@@ -383,8 +383,7 @@ double elasticEnergy(Body& body, PieceScratch& scratch) {
     setMaterial(piece, objective);
     s.contacts.clear();
     std::fill_n(s.d.begin(), 4 * field.k, 0.0F);
-    objective.setFrame({piece.state.z.data(), field.k}, center, restCenterOf(field),
-                       rotationOf(field, std::as_const(piece).z(), center));
+    objective.setFrame({piece.state.z.data(), field.k}, center, rotationOf(field, std::as_const(piece).z(), center));
     energy += objective.elastic(s.d.data(), s.next_gradient.data(), true);
   }
   return energy;

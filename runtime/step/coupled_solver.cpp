@@ -27,8 +27,7 @@ struct SavedPiece {
   double h_before, elastic, budget, lost;
   std::array<double, 3> turn, omega, rebound;
   double pairs_h;
-  std::array<float, 9> pairs_frame;
-  std::uint32_t pairs;
+  std::uint64_t pairs;
 };
 
 std::size_t arrayBytes(const SavedPiece& saved) {
@@ -57,11 +56,8 @@ SavedPiece savedOf(const Piece& piece) {
                       {state.omega[0], state.omega[1], state.omega[2]},
                       {state.rebound[0], state.rebound[1], state.rebound[2]},
                       0,
-                      {},
                       pairsOf(state)};
-  if (saved.pairs == 0) return saved;
-  saved.pairs_h = state.pairs_h;
-  std::copy_n(state.pairs_frame.data(), 9, saved.pairs_frame.data());
+  if (saved.pairs > 0) saved.pairs_h = state.pairs_h;
   return saved;
 }
 
@@ -230,7 +226,7 @@ class CoupledSolver final : public BodySolver {
       }
       put(state.touching.data(), state.touching.size() * sizeof(TouchingPoint));
       put(state.plastic.data(), state.plastic.size() * sizeof(float));
-      state.pairs.save(saved.pairs, at);
+      state.pairs.save(std::uint32_t(saved.pairs), at);
       at += saved.pairs * Pairs::savedBytes(4 * saved.functions);
     }
   }
@@ -300,8 +296,7 @@ class CoupledSolver final : public BodySolver {
       get(state.plastic.data(), saved.plastic * sizeof(float));
       invertPlasticity(state.plastic, piece.rest_change);
       state.pairs_h = saved.pairs_h;
-      std::copy_n(saved.pairs_frame.data(), 9, state.pairs_frame.data());
-      state.pairs.restore(4 * saved.functions, saved.pairs, at);
+      state.pairs.restore(4 * saved.functions, std::uint32_t(saved.pairs), at);
       at += saved.pairs * Pairs::savedBytes(4 * saved.functions);
     }
     updateFibres(body_, false);

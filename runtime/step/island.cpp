@@ -37,7 +37,7 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
   const std::size_t members = std::bit_ceil(size.members), functions = std::bit_ceil(size.functions),
                     touch_count = std::bit_ceil(size.touches);
   vectors.reserveVectors(4 * functions);
-  rigid.reserve(members, functions, touch_count);
+  rigid.reserve(members, touch_count);
   for (Array<std::uint32_t>* array : {&first, &order, &next_row}) array->reserve(members + 1);
   place.reserve(steps);
   objectives.reserve(members);
@@ -69,9 +69,10 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
     const FoundTouch& found = *found_[i];
     const TouchLink& touch = scratch_.touches[i];
-    remembered[i] =
-        rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b], all.d.data() + scratch_.first[touch.a],
-                      all.d.data() + scratch_.first[touch.b], all_rows_);
+    const auto way_of = [&](std::uint32_t piece, std::size_t row) {
+      return scratch_.objectives[piece]->wayOf(all_rows_.data() + row, all.d.data() + scratch_.first[piece]);
+    };
+    remembered[i] = rememberTouch(found, way_of(touch.a, found.row_a) - way_of(touch.b, found.row_b));
   });
 }
 
@@ -150,8 +151,11 @@ void Island::gatherPairs() {
   for (std::uint32_t first = 0; first < s.touches.size(); first = end) {
     const auto [a, b] = pieces_of(first);
     while (end < s.touches.size() && pieces_of(end) == std::pair(a, b)) ++end;
-    const std::uint32_t slot =
-        s.lanes.addPair(a, member(a).field().k, b, a == b ? 0 : member(b).field().k, {first, end - first});
+    const auto side_of = [&](std::uint32_t piece, std::uint32_t functions) {
+      return TouchSide{piece, functions, member(piece).objective().rotation.data()};
+    };
+    const std::uint32_t slot = s.lanes.addPair(side_of(a, member(a).field().k),
+                                               side_of(b, a == b ? 0 : member(b).field().k), {first, end - first});
     for (std::uint32_t i = first; i < end; ++i) s.touches[i].slot = slot + (i - first);
   }
   forEach(jobs_, std::uint32_t(s.lanes.pairs().size()), kPiecesAJob, [&](std::uint32_t pair) {
@@ -159,7 +163,7 @@ void Island::gatherPairs() {
     for (std::uint32_t i = of.touches.first; i < of.touches.first + of.touches.count; ++i) {
       const FoundTouch& found = *found_[i];
       s.lanes.set(s.touches[i].slot, of, found.touch, all_rows_.data() + found.row_a, all_rows_.data() + found.row_b,
-                  s.touches[i].a != of.a);
+                  s.touches[i].a != of.a.piece);
     }
   });
   s.lanes.finish(std::uint32_t(members_.size()));

@@ -20,7 +20,7 @@ void PieceStep::settle() {
   CoefficientMap z = piece_.z(), v = piece_.v();
   for (std::uint32_t j = 0; j < k_; ++j) {
     const float* const d = s_.d.data() + 4 * j;
-    const Vector3d moved = {double(d[0]), double(d[1]), double(d[2])};
+    const Vector3d moved = frame_ * Vector3d(double(d[0]), double(d[1]), double(d[2]));
     state.z[j] = s_.prediction[j] + moved;
     state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
   }
@@ -33,7 +33,7 @@ void PieceStep::settle() {
   const bool held = springs_ || field_.driven > 0;
   const std::size_t first_touch = body_.touches.size();
   const double elastic_before = state.elastic;
-  rememberContacts(piece_, contactStep(), y(), center_, effective_h_, held || together_ ? nullptr : &given, s_,
+  rememberContacts(piece_, contactStep(), y(), center_, effective_h_, held || together_ ? nullptr : &given, objective_,
                    body_.touches);
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
   state.h_before = touched || together_ || forced_ || !state.touching.empty() ? 0 : h_;
@@ -51,7 +51,7 @@ void PieceStep::settle() {
 }
 
 void PieceStep::becomePermanent() {
-  objective_.toFrame(s_.d.data());
+  objective_.placeAt(s_.d.data());
   if (!flow(body_.package(), field_, s_.x.data(), h_, piece_.state.plastic)) return;
   invertPlasticity(piece_.state.plastic, piece_.rest_change);
   piece_.state.elastic = -1;
@@ -187,7 +187,7 @@ void PieceStep::react() {
     tetherPull(field_, springStep(), std::as_const(piece_).z(), {s_.external.data(), rows});
     for (std::uint32_t j = 0; j < rows; ++j) {
       const float* const g = s_.gradient.data() + 4 * j;
-      s_.external[j] += Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
+      s_.external[j] += frame_ * Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
       if (forced_) s_.external[j] -= s_.forces[j];
     }
   }

@@ -43,7 +43,7 @@ void PieceStep::begin() {
   const ConstCoefficientMap now = std::as_const(piece_).z();
   const Vector3d mean = meanOf(field_, now);
   frame_ = rotationOf(field_, now, mean);
-  moved_ = mean - frame_ * restCenterOf(field_);
+  moved_ = mean - frame_ * field_.rest_center;
   if (stands()) {
     stand();
     return;
@@ -107,9 +107,10 @@ void PieceStep::addDrag() {
       way += phi * (y().row(j).transpose() - piece_.state.z[j]);
     }
     const double c = factor * double(field_.points[p].area) * before.norm() / h_;
+    const Vector3d pull = frame_.transpose() * way;
     for (std::uint32_t i = 0; i < k_; ++i) {
       const double row = c * double(field_.valueAtPoint(p, i));
-      for (std::uint32_t a = 0; a < 3; ++a) residual[4 * i + a] += float(row * way[int(a)]);
+      for (std::uint32_t a = 0; a < 3; ++a) residual[4 * i + a] += float(row * pull[int(a)]);
       for (std::uint32_t j = 0; j < k_; ++j) {
         springs[std::size_t(k_) * i + j] += float(row * double(field_.valueAtPoint(p, j)));
       }
@@ -131,7 +132,7 @@ void PieceStep::takeDrag() {
       }
       pull[int(a)] = -sum;
     }
-    s_.external[i] = pull;
+    s_.external[i] = frame_ * pull;
   }
   const ConstCoefficientMap drag(s_.external.data()->data(), Eigen::Index(k_), 3);
   const Vector3d mean = meanOf(field_, drag);
@@ -175,7 +176,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   }
   const ConstCoefficientMap now = std::as_const(piece_).z();
   result.turn = (turn_ * rotationOf(field_, now, meanOf(field_, now))).cast<float>();
-  result.rest_center = restCenterOf(field_).cast<float>();
+  result.rest_center = field_.rest_center.cast<float>();
   result.diagonal = double(body_.package().info().diagonal);
   result.mass = stands() ? std::numeric_limits<double>::infinity() : field_.mass;
   result.weight = field_.mass * std::max(gravity_.norm(), kLeastGravity * result.diagonal);
@@ -193,15 +194,18 @@ void PieceStep::reserveSystem(std::size_t rows) {
 
 void PieceStep::prepareTogether(std::span<TouchRow> rows) {
   objective_.touch_rows = rows;
-  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
+  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
   useRestSystem(objective_, piece_.system);
 }
 
 void PieceStep::oldPlace(float* d) const {
-  for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d moved = j < field_.driven ? Vector3d::Zero() : Vector3d(piece_.state.z[j] - s_.prediction[j]);
-    for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? float(moved[int(c)]) : 0;
-  }
+  std::fill_n(d, 4 * field_.driven, 0.0F);
+  for (std::uint32_t j = field_.driven; j < k_; ++j) setOffset(d, j, piece_.state.z[j] - s_.prediction[j]);
+}
+
+void PieceStep::setOffset(float* d, std::uint32_t j, const Vector3d& way) const {
+  const Vector3d local = frame_.transpose() * way;
+  for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? float(local[int(c)]) : 0;
 }
 
 void PieceStep::finishTogether(bool leaning) {
@@ -465,13 +469,13 @@ void PieceStep::findObjective() {
 void PieceStep::findSprings() {
   prepareSprings(body_, piece_, springStep(), y(), s_);
   objective_.holds = piece_.holds.count > 0 ? piece_.holds.by_function.data() : nullptr;
-  for (int i = 0; i < 9; ++i) objective_.holds_rotation[i] = float(piece_.holds_turned.data()[i]);
+  objective_.holds_rotation = (frame_.transpose() * piece_.holds_turned).cast<float>();
 }
 
 void PieceStep::rebase() {
   for (std::uint32_t j = 0; j < k_; ++j) {
     const Vector3d offset = j < field_.driven ? Vector3d::Zero() : Vector3d(piece_.state.z[j] - s_.prediction[j]);
-    for (std::uint32_t c = 0; c < 4; ++c) s_.offset[4 * j + c] = c < 3 ? float(offset[int(c)]) : 0;
+    setOffset(s_.offset.data(), j, offset);
     s_.prediction[j] += offset;
     s_.predicted_velocity[j] += offset / effective_h_;
   }
@@ -495,20 +499,18 @@ bool PieceStep::touchesAsBefore() const {
 // none are not carried on: they may be of another shape.
 Pairs& PieceStep::carriedPairs() {
   PieceState& state = piece_.state;
-  const Eigen::Matrix3f frame = Eigen::Map<const Eigen::Matrix3f>(objective_.rotation);
   if (two_step_ && state.pairs.fresh()) {
     const double identity = 1 / (effective_h_ * effective_h_) - 1 / (state.pairs_h * state.pairs_h);
-    state.pairs.carry(frame * state.pairs_frame.transpose(), float(identity));
+    state.pairs.carry(float(identity));
   } else {
     state.pairs.start(4 * k_);
   }
   state.pairs_h = effective_h_;
-  state.pairs_frame = frame;
   return state.pairs;
 }
 
 void PieceStep::solve() {
-  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
+  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
   useRestSystem(objective_, piece_.system);
   std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
@@ -525,8 +527,7 @@ void PieceStep::solve() {
     const Vector3d z = piece_.state.z[j];
     const Vector3d moved =
         stays ? z : Vector3d(oneOf(field_, j) * center_ + turn_ * (z - oneOf(field_, j) * rigid_.center));
-    for (std::uint32_t c = 0; c < 3; ++c) s_.next[4 * j + c] = float(moved[int(c)] - s_.prediction[j][int(c)]);
-    s_.next[4 * j + 3] = 0;
+    setOffset(s_.next.data(), j, moved - s_.prediction[j]);
   }
   const auto takeOld = [&](const Objective::Value& old) {
     value = old;

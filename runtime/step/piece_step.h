@@ -74,7 +74,7 @@ class PieceStep {
   void reserveSystem(std::size_t rows);
   /// The objective with its touches: its first matrix and its frame.
   void prepareTogether(std::span<TouchRow> rows);
-  /// Where it was, from the prediction. \param d k x 4.
+  /// Where it was, from the prediction, in the frame of the piece. \param d k x 4.
   void oldPlace(float* d) const;
   /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.
   void finishTogether(bool leaning);
@@ -129,6 +129,9 @@ class PieceStep {
   /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
   /// where it is from where it should be, which floats hold only where both are near.
   void rebase();
+
+  /// A way in the world becomes a coefficient's offset.
+  void setOffset(float* d, std::uint32_t j, const Vector3d& way) const;
 
   bool touches() const;
 

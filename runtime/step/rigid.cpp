@@ -59,22 +59,11 @@ Vector3d solved(const Matrix3d& a, const Vector3d& b) {
   return x.allFinite() ? x : Vector3d::Zero();
 }
 
-Vector3d restCenterOf(const Field& field) {
-  Vector3d center = Vector3d::Zero();
-  double mass = 0;
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    center += oneOf(field, j) * restOf(field, j);
-    mass += oneOf(field, j) * oneOf(field, j);
-  }
-  return center / mass;
-}
-
 Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
   Matrix3d sum = Matrix3d::Zero();
-  const Vector3d rest_center = restCenterOf(field);
   for (std::uint32_t j = 0; j < field.k; ++j) {
     sum += Vector3d(z.row(j).transpose() - oneOf(field, j) * center) *
-           (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
+           (field.restOf(j) - oneOf(field, j) * field.rest_center).transpose();
   }
   return geometry::nearestRotation(sum);
 }

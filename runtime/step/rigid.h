@@ -12,11 +12,7 @@ namespace sinew::internal {
 /// Rotation by an angle vector, rad.
 Matrix3d turnBy(const Vector3d& angle);
 
-inline double oneOf(const Field& field, std::uint32_t j) { return double(field.functions[j].one); }
-inline Vector3d restOf(const Field& field, std::uint32_t j) {
-  const auto& rest = field.functions[j].rest;
-  return {double(rest[0]), double(rest[1]), double(rest[2])};
-}
+inline double oneOf(const Field& field, std::uint32_t j) { return field.oneOf(j); }
 
 /// sum m x over the mass: exact where the field is orthonormal, the free one.
 Vector3d meanOf(const Field& field, const ConstCoefficientMap& z);
@@ -27,7 +23,6 @@ Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const
 Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center);
 /// a^-1 b, or 0 where that is no number.
 Vector3d solved(const Matrix3d& a, const Vector3d& b);
-Vector3d restCenterOf(const Field& field);
 /// The rotation that the piece has as a whole, to the digits of doubles.
 Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center);
 

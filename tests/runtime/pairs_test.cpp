@@ -69,20 +69,16 @@ TEST_F(PairsTest, KnowTheInverseAlongTheLastStep) {
   EXPECT_LT((inverse(pairs, hessian * last) - last).norm(), 1e-4 * last.norm());
 }
 
-// The same energy turned, in a step of another length.
-TEST_F(PairsTest, GoOnTurnedAndWithOtherInertia) {
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
-  Matrix whole = Matrix::Zero();
-  for (std::uint32_t i = 0; i < kRows; ++i) whole.block<3, 3>(3 * i, 3 * i) = turn;
-  pairs.carry(turn.cast<float>(), 0.4F);
+// The same energy in a step of another length.
+TEST_F(PairsTest, GoOnWithOtherInertia) {
+  pairs.carry(0.4F);
   EXPECT_FALSE(pairs.fresh());
-  const Matrix other = whole * hessian * whole.transpose() + 0.4 * Matrix::Identity();
-  const Eigen::VectorXd way = whole * last;
-  EXPECT_LT((inverse(pairs, other * way) - way).norm(), 1e-4 * way.norm());
+  const Matrix other = hessian + 0.4 * Matrix::Identity();
+  EXPECT_LT((inverse(pairs, other * last) - last).norm(), 1e-4 * last.norm());
 }
 
 TEST_F(PairsTest, EndWhereTheirCurvatureIsNotPositive) {
-  pairs.carry(Eigen::Matrix3f::Identity(), -1e6F);
+  pairs.carry(-1e6F);
   EXPECT_EQ(pairs.count(), 0U);
 }
 
@@ -92,8 +88,8 @@ TEST_F(PairsTest, AreRestoredBitForBit) {
   Pairs other(kKept, std::pmr::get_default_resource());
   other.restore(kFloats, kKept, saved.data());
   EXPECT_TRUE(other.fresh());
-  pairs.carry(Eigen::Matrix3f::Identity(), 0);
-  other.carry(Eigen::Matrix3f::Identity(), 0);
+  pairs.carry(0);
+  other.carry(0);
   const Eigen::VectorXd g = some();
   EXPECT_EQ(inverse(other, g), inverse(pairs, g));
 }

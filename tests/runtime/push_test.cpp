@@ -3,6 +3,7 @@
 // Touches in lanes, against the push of one point alone.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cstring>
 #include <random>
 
@@ -18,6 +19,11 @@ using internal::TouchLanes;
 
 constexpr std::uint32_t kFunctions[] = {5, 4};
 constexpr std::uint32_t kFirst[] = {0, 20};
+/// Frames of the pieces.
+const Eigen::Matrix3f kRotation[] = {
+    Eigen::AngleAxisf(0.9F, Vector3f(1, -2, 2).normalized()).toRotationMatrix(),
+    Eigen::AngleAxisf(-2.1F, Vector3f(3, 1, -1).normalized()).toRotationMatrix(),
+};
 
 /// Touches between two pieces, both ways, and of the second with itself.
 struct Touches {
@@ -51,7 +57,8 @@ struct Touches {
   }
   float chance() { return std::uniform_real_distribution<float>(-1, 1)(random); }
   void fill(std::uint32_t first, std::uint32_t count, std::uint32_t a) {
-    const std::uint32_t slot = lanes.addPair(a, kFunctions[a], 1, a == 1 ? 0 : kFunctions[1], {first, count});
+    const std::uint32_t slot = lanes.addPair({a, kFunctions[a], kRotation[a].data()},
+                                             {1, a == 1 ? 0 : kFunctions[1], kRotation[1].data()}, {first, count});
     slots.push_back(slot);
     for (std::uint32_t i = 0; i < count; ++i) {
       const One& one = all[first + i];
@@ -64,16 +71,18 @@ struct Touches {
     for (std::uint32_t j = 0; j < one.phi_b.size(); ++j) way -= one.phi_b[j] * at(one.b, j);
     return way;
   }
-  Eigen::Map<const Vector3f> at(std::uint32_t piece, std::uint32_t j) const {
-    return Eigen::Map<const Vector3f>(d.data() + kFirst[piece] + 4 * j);
+  Vector3f at(std::uint32_t piece, std::uint32_t j) const {
+    return kRotation[piece] * Eigen::Map<const Vector3f>(d.data() + kFirst[piece] + 4 * j);
   }
   /// What a pull at the point of one adds to a gradient.
   void add(const One& one, const Vector3f& pull, std::vector<float>& gradient) const {
     for (std::uint32_t j = 0; j < one.phi_a.size(); ++j) {
-      Eigen::Map<Vector3f>(gradient.data() + kFirst[one.a] + 4 * j) += one.phi_a[j] * pull;
+      Eigen::Map<Vector3f>(gradient.data() + kFirst[one.a] + 4 * j) +=
+          one.phi_a[j] * kRotation[one.a].transpose() * pull;
     }
     for (std::uint32_t j = 0; j < one.phi_b.size(); ++j) {
-      Eigen::Map<Vector3f>(gradient.data() + kFirst[one.b] + 4 * j) -= one.phi_b[j] * pull;
+      Eigen::Map<Vector3f>(gradient.data() + kFirst[one.b] + 4 * j) -=
+          one.phi_b[j] * kRotation[one.b].transpose() * pull;
     }
   }
   std::vector<float> gradient() const {
@@ -183,12 +192,14 @@ TEST(TouchLanes, AreTheSameForAllInstructionSets) {
     ++sets;
     std::vector<internal::PushPack> packs = begin;
     bool pulls = false;
-    const internal::PushArguments arguments = {kPacks, kA, kB, packs.data(), rows.data(), a.data(), b.data(), &pulls};
+    const float* const turns[] = {kRotation[0].data(), kRotation[1].data()};
+    const internal::PushArguments arguments = {
+        kPacks, packs.data(), rows.data(), {kA, turns[0], a.data()}, {kB, turns[1], b.data()}, &pulls};
     std::vector<double> energies = {table->push_forces(arguments)};
     std::vector<float> sums(8 * kA, 0.0F);
     const std::size_t stride = std::size_t(8) * (kA + kB);
-    table->add_pulls({kPacks, kA, packs.data(), rows.data(), stride, nullptr, sums.data()});
-    table->add_bends({kPacks, kA, packs.data(), rows.data(), stride, offset.data(), sums.data() + 4 * kA});
+    table->add_pulls({kPacks, packs.data(), rows.data(), stride, {kA, turns[0], nullptr}, sums.data()});
+    table->add_bends({kPacks, packs.data(), rows.data(), stride, {kA, turns[0], offset.data()}, sums.data() + 4 * kA});
     energies.push_back(table->push_rubs(arguments));
     EXPECT_TRUE(pulls);
     std::vector<std::byte> found;

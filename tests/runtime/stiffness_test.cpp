@@ -30,7 +30,7 @@ struct Elastic {
     for (const formats::FieldFunction& f : field.functions) {
       rest.emplace_back(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
     }
-    objective.setFrame(rest, Vector3d::Zero(), Vector3d::Zero(), Eigen::Matrix3d::Identity());
+    objective.setFrame(rest, field.rest_center, Eigen::Matrix3d::Identity());
   }
   std::uint32_t unknowns() const { return field.unknowns(); }
 
