@@ -132,7 +132,8 @@ void RigidCoupling::make(const Minimand& minimand) {
     return std::min(a, b) << 32 | std::max(a, b);
   };
   const auto couples = [&](const TouchLink& touch) {
-    return touch.a != touch.b && node_of_[touch.a] != formats::kNone && node_of_[touch.b] != formats::kNone;
+    return touch.a != touch.b && std::max(touch.a, touch.b) < node_of_.size() && node_of_[touch.a] != formats::kNone &&
+           node_of_[touch.b] != formats::kNone;
   };
   keys_.clear();
   for (const TouchLink& touch : minimand.touches) {

@@ -59,6 +59,7 @@ void TouchLanes::set(std::uint32_t slot, const TouchPair& pair, const Push& push
 }
 
 void TouchLanes::finish(std::uint32_t pieces) {
+  useFirst(std::uint32_t(pairs_.size()));
   first_side_.resize(pieces + 1);
   std::fill(first_side_.begin(), first_side_.end(), 0U);
   const auto visit = [this](const auto& each) {
@@ -79,6 +80,11 @@ void TouchLanes::finish(std::uint32_t pieces) {
   }
 }
 
+void TouchLanes::useFirst(std::uint32_t pairs) {
+  used_pairs_ = pairs;
+  used_packs_ = pairs < pairs_.size() ? pairs_[pairs].packs.first : std::uint32_t(packs_.size());
+}
+
 float TouchLanes::gap(std::uint32_t slot) const {
   const PushPack& pack = packs_[slot / 8];
   const std::uint32_t i = slot % 8;
@@ -97,18 +103,18 @@ PushArguments TouchLanes::argumentsOf(TouchPair& pair, const float* d, std::span
 
 double TouchLanes::energy() const {
   double sum = 0;
-  for (const TouchPair& pair : pairs_) sum += pair.energy;
+  for (std::uint32_t i = 0; i < used_pairs_; ++i) sum += pairs_[i].energy;
   return sum;
 }
 
 double TouchLanes::evaluate(const float* d, std::span<const std::uint32_t> first, JobSystem* jobs) {
-  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob,
+  forEach(jobs, used_pairs_, kPairsAJob,
           [&](std::uint32_t i) { pairs_[i].energy = kernels().push_forces(argumentsOf(pairs_[i], d, first)); });
   return energy();
 }
 
 void TouchLanes::place(const float* d, std::span<const std::uint32_t> first, bool press, JobSystem* jobs) {
-  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob, [&](std::uint32_t i) {
+  forEach(jobs, used_pairs_, kPairsAJob, [&](std::uint32_t i) {
     kernels().push_ways(argumentsOf(pairs_[i], d, first));
     const Range& packs = pairs_[i].packs;
     for (std::uint32_t slot = 8 * packs.first; press && slot < 8 * (packs.first + packs.count); ++slot) {
@@ -118,7 +124,7 @@ void TouchLanes::place(const float* d, std::span<const std::uint32_t> first, boo
 }
 
 double TouchLanes::rub(JobSystem* jobs) {
-  forEach(jobs, std::uint32_t(pairs_.size()), kPairsAJob, [&](std::uint32_t i) {
+  forEach(jobs, used_pairs_, kPairsAJob, [&](std::uint32_t i) {
     TouchPair& pair = pairs_[i];
     pair.energy =
         kernels().push_rubs({pair.packs.count, packs_.data() + pair.packs.first, nullptr, {}, {}, &pair.pulls});
@@ -127,7 +133,7 @@ double TouchLanes::rub(JobSystem* jobs) {
 }
 
 void TouchLanes::pullOn(JobSystem* jobs) {
-  forEach(jobs, std::uint32_t(packs_.size()), 8 * kPairsAJob,
+  forEach(jobs, used_packs_, 8 * kPairsAJob,
           [&](std::uint32_t i) { std::memcpy(packs_[i].pulled, packs_[i].pull, sizeof packs_[i].pull); });
 }
 

@@ -57,6 +57,8 @@ class TouchLanes {
            bool turned);
   /// \pre all are set
   void finish(std::uint32_t pieces);
+  /// From now on the first pairs alone count: the pieces of the others are where they were last evaluated.
+  void useFirst(std::uint32_t pairs);
 
   std::span<const TouchPair> pairs() const { return {pairs_.data(), pairs_.size()}; }
   /// Height of a touch above its floor at the last evaluation, m.
@@ -94,6 +96,7 @@ class TouchLanes {
   Array<float> rows_;
   Array<Side> sides_;  ///< by piece
   Array<std::uint32_t> first_side_;
+  std::uint32_t used_pairs_ = 0, used_packs_ = 0;
   bool has_friction_ = false;
 };
 

@@ -12,9 +12,11 @@
 namespace sinew::internal {
 namespace {
 
-/// Times the iterations where something flew into another: the end of such a step lies far from all places to start
-/// from, and a heap that lands in steps cut short goes on creeping (docs/decisions/0026-impacts.md).
+/// Times the iterations near where something flew into another: the end of such a step lies far from all places to
+/// start from, and a heap that lands in steps cut short goes on creeping (docs/decisions/0026-impacts.md).
 constexpr std::uint32_t kImpact = 2;
+/// Near is what that many touches, one after the other, part from it.
+constexpr std::uint32_t kNear = 3;
 /// Rounds of rigid answers, each to what the one before left.
 constexpr int kRigidRounds = 2;
 
@@ -38,7 +40,7 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
                     touch_count = std::bit_ceil(size.touches);
   vectors.reserveVectors(4 * functions);
   rigid.reserve(members, touch_count);
-  for (Array<std::uint32_t>* array : {&first, &order, &next_row}) array->reserve(members + 1);
+  for (Array<std::uint32_t>* array : {&first, &order, &arranged, &hops, &next_row}) array->reserve(members + 1);
   place.reserve(steps);
   objectives.reserve(members);
   systems.reserve(members);
@@ -50,6 +52,7 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
 }
 
 void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered) {
+  arrange();
   gather();
   couple(asVector(settings.gravity).cast<double>());
   solve(settings.iterations);
@@ -59,11 +62,11 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
   // Pieces of a body share what they report.
   const auto body_of = [&](std::uint32_t i) { return seen_[members_[i]].body; };
   forEachByBody(jobs_, std::uint32_t(members_.size()), kPiecesAJob, body_of, [&](std::uint32_t i) {
-    MinimizeScratch& own = member(i).scratch();
-    const std::uint32_t size = 4 * member(i).field().k;
-    std::copy_n(all.d.data() + scratch_.first[i], size, own.d.data());
-    std::copy_n(all.gradient.data() + scratch_.first[i], size, own.gradient.data());
-    member(i).finishTogether(leaning);
+    PieceStep& step = steps_[members_[i]];
+    const std::uint32_t size = 4 * step.field().k, first = scratch_.first[scratch_.place[members_[i]]];
+    std::copy_n(all.d.data() + first, size, step.scratch().d.data());
+    std::copy_n(all.gradient.data() + first, size, step.scratch().gradient.data());
+    step.finishTogether(leaning);
   });
   leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
@@ -76,21 +79,46 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
   });
 }
 
+void Island::arrange() {
+  IslandScratch& s = scratch_;
+  s.place.resize(steps_.size());
+  for (std::uint32_t i = 0; i < members_.size(); ++i) s.place[members_[i]] = i;
+  s.hops.resize(members_.size());
+  std::fill(s.hops.begin(), s.hops.end(), kNear + 1);
+  for (const FoundTouch* found : found_) {
+    if (found->entered) s.hops[s.place[found->touch.a]] = s.hops[s.place[found->touch.b]] = 0;
+  }
+  const bool impact = std::find(s.hops.begin(), s.hops.end(), 0U) != s.hops.end();
+  for (std::uint32_t hop = 1; impact && hop <= kNear; ++hop) {
+    for (const FoundTouch* found : found_) {
+      std::uint32_t &a = s.hops[s.place[found->touch.a]], &b = s.hops[s.place[found->touch.b]];
+      if (a == hop - 1) b = std::min(b, hop);
+      if (b == hop - 1) a = std::min(a, hop);
+    }
+  }
+  s.arranged.clear();
+  for (const bool near : {true, false}) {
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if ((s.hops[i] <= kNear) == near) s.arranged.push_back(members_[i]);
+    }
+    if (near) near_ = std::uint32_t(s.arranged.size());
+  }
+  for (std::uint32_t i = 0; i < s.arranged.size(); ++i) s.place[s.arranged[i]] = i;
+}
+
 void Island::gather() {
   IslandScratch& s = scratch_;
   s.first.clear();
   s.objectives.clear();
   s.systems.clear();
   s.own_pairs.clear();
-  s.place.resize(steps_.size());
   std::uint32_t size = 0;
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    s.place[members_[i]] = std::uint32_t(i);
     s.first.push_back(size);
-    size += 4 * member(i).field().k;
-    s.objectives.push_back(&member(i).objective());
-    s.systems.push_back(&member(i).system());
-    s.own_pairs.push_back(&member(i).startPairs());
+    size += 4 * piece(i).field().k;
+    s.objectives.push_back(&piece(i).objective());
+    s.systems.push_back(&piece(i).system());
+    s.own_pairs.push_back(&piece(i).startPairs());
   }
   s.values.resize(members_.size());
   s.vectors.reserveVectors(size);
@@ -111,8 +139,8 @@ void Island::gather() {
     return std::span<TouchRow>(s.rows.data() + begin, s.next_row[i] - begin);
   };
   forEach(jobs_, std::uint32_t(members_.size()), kPiecesAJob, [&](std::uint32_t i) {
-    member(i).prepareTogether(rows_of(i));
-    std::copy_n(member(i).scratch().base.data(), 4 * member(i).field().k, s.vectors.base.data() + s.first[i]);
+    piece(i).prepareTogether(rows_of(i));
+    std::copy_n(piece(i).scratch().base.data(), 4 * piece(i).field().k, s.vectors.base.data() + s.first[i]);
   });
 }
 
@@ -147,16 +175,22 @@ void Island::gatherPairs() {
   const auto pieces_of = [&](std::size_t i) {
     return std::pair(std::min(s.touches[i].a, s.touches[i].b), std::max(s.touches[i].a, s.touches[i].b));
   };
-  std::uint32_t end = 0;
-  for (std::uint32_t first = 0; first < s.touches.size(); first = end) {
+  const auto add = [&](std::uint32_t first, std::uint32_t end) {
     const auto [a, b] = pieces_of(first);
-    while (end < s.touches.size() && pieces_of(end) == std::pair(a, b)) ++end;
     const auto side_of = [&](std::uint32_t piece, std::uint32_t functions) {
-      return TouchSide{piece, functions, member(piece).objective().rotation.data()};
+      return TouchSide{piece, functions, steps_[s.arranged[piece]].objective().rotation.data()};
     };
-    const std::uint32_t slot = s.lanes.addPair(side_of(a, member(a).field().k),
-                                               side_of(b, a == b ? 0 : member(b).field().k), {first, end - first});
+    const std::uint32_t slot = s.lanes.addPair(side_of(a, piece(a).field().k),
+                                               side_of(b, a == b ? 0 : piece(b).field().k), {first, end - first});
     for (std::uint32_t i = first; i < end; ++i) s.touches[i].slot = slot + (i - first);
+  };
+  for (const bool near : {true, false}) {
+    std::uint32_t end = 0;
+    for (std::uint32_t first = 0; first < s.touches.size(); first = end) {
+      while (end < s.touches.size() && pieces_of(end) == pieces_of(first)) ++end;
+      if ((pieces_of(first).first < near_) == near) add(first, end);
+    }
+    if (near) near_pairs_ = std::uint32_t(s.lanes.pairs().size());
   }
   forEach(jobs_, std::uint32_t(s.lanes.pairs().size()), kPiecesAJob, [&](std::uint32_t pair) {
     const TouchPair& of = s.lanes.pairs()[pair];
@@ -173,7 +207,7 @@ void Island::couple(const Vector3d& gravity) {
   Array<std::uint32_t>& order = scratch_.order;
   order.resize(members_.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
-  const auto depth = [&](std::uint32_t i) { return gravity.dot(seen_[members_[i]].center); };
+  const auto depth = [&](std::uint32_t i) { return gravity.dot(seen_[scratch_.arranged[i]].center); };
   std::sort(order.begin(), order.end(), [&](std::uint32_t i, std::uint32_t j) {
     const double a = depth(i), b = depth(j);
     return a != b ? a < b : i < j;
@@ -201,8 +235,7 @@ void Island::solve(std::uint32_t iterations) {
   };
   // Bodies of an impact may start where rigid ones would be stopped: else the skin is stopped first, and they
   // are drawn out to many times their length.
-  const bool impact = std::any_of(found_.begin(), found_.end(), [](const FoundTouch* found) { return found->entered; });
-  if (impact) {
+  if (near_ > 0) {
     std::fill_n(s.next.begin(), size, 0.0F);
     std::copy_n(s.gradient.data(), size, s.next_gradient.data());
     for (int round = 0; round < kRigidRounds; ++round) {
@@ -217,10 +250,10 @@ void Island::solve(std::uint32_t iterations) {
     bool differs = all;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       float* const next = s.next.data() + scratch_.first[i];
-      if (all || member(i).leaned()) {
-        member(i).oldPlace(next);
+      if (all || piece(i).leaned()) {
+        piece(i).oldPlace(next);
       } else {
-        std::fill_n(next, 4 * member(i).field().k, 0.0F);
+        std::fill_n(next, 4 * piece(i).field().k, 0.0F);
         differs = true;
       }
     }
@@ -231,7 +264,29 @@ void Island::solve(std::uint32_t iterations) {
     value = minimand_.at(s.d.data(), s.gradient.data(), false);
   }
   s.pairs.start(size);
-  minimize(minimand_, s.pairs, (impact ? kImpact : 1) * 2 * iterations, value);
+  const bool all_near = near_ == members_.size();
+  minimize(minimand_, s.pairs, (all_near ? kImpact : 1) * 2 * iterations, value);
+  if (near_ > 0 && !all_near) solveImpacts((kImpact - 1) * 2 * iterations);
+}
+
+void Island::solveImpacts(std::uint32_t iterations) {
+  MinimizeScratch& s = scratch_.vectors;
+  Minimand near = minimand_;
+  near.pieces = near.pieces.first(near_);
+  near.systems = near.systems.first(near_);
+  near.own_pairs = near.own_pairs.first(near_);
+  near.values = near.values.first(near_);
+  near.size = scratch_.first[near_];
+  Array<std::uint32_t>& order = scratch_.order;
+  order.resize(std::size_t(std::remove_if(order.begin(), order.end(), [&](std::uint32_t i) { return i >= near_; }) -
+                           order.begin()));
+  near.order = {order.data(), order.size()};
+  scratch_.lanes.useFirst(near_pairs_);
+  scratch_.rigid.make(near);
+  // Trials have the others where they are.
+  std::copy(s.d.data() + near.size, s.d.data() + minimand_.size, s.next.data() + near.size);
+  s.pairs.start(near.size);
+  minimize(near, s.pairs, iterations, near.at(s.d.data(), s.gradient.data(), false));
 }
 
 void Island::dampSwing(double h, const WorldSettings& settings) {

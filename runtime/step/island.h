@@ -27,6 +27,8 @@ struct IslandScratch {
         first(memory),
         order(memory),
         place(memory),
+        arranged(memory),
+        hops(memory),
         next_row(memory),
         objectives(memory),
         systems(memory),
@@ -40,7 +42,7 @@ struct IslandScratch {
 
   MinimizeScratch vectors;
   RigidCoupling rigid;
-  Array<std::uint32_t> first, order, place, next_row;
+  Array<std::uint32_t> first, order, place, arranged, hops, next_row;
   Array<Objective*> objectives;
   Array<SystemFactor*> systems;
   Array<Pairs*> own_pairs;
@@ -63,6 +65,8 @@ class Island {
   void run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered);
 
  private:
+  /// Puts pieces near impacts first.
+  void arrange();
   void gather();
   /// Rows by piece: each touch is one of both its sides.
   void gatherRows();
@@ -72,11 +76,14 @@ class Island {
   void couple(const Vector3d& gravity);
   /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.
   void solve(std::uint32_t iterations);
+  /// Goes on minimizing pieces near impacts, the others where they are.
+  void solveImpacts(std::uint32_t iterations);
   /// Support damping of the island: the rotation of its pieces about its centre decays.
   void dampSwing(double h, const WorldSettings& settings);
   /// Puts back the momentum that minimizing has lost: all forces were between the pieces.
   void keepMomentum(double h, const WorldSettings& settings);
-  PieceStep& member(std::size_t i) { return steps_[members_[i]]; }
+  /// By its place in the minimand.
+  PieceStep& piece(std::size_t i) { return steps_[scratch_.arranged[i]]; }
 
   std::span<const std::uint32_t> members_;
   OwningArray<PieceStep>& steps_;
@@ -86,6 +93,8 @@ class Island {
   IslandScratch& scratch_;
   JobSystem* jobs_;
   Minimand minimand_;
+  std::uint32_t near_ = 0;        ///< pieces near impacts
+  std::uint32_t near_pairs_ = 0;  ///< of TouchLanes: those that these are among
 };
 
 }  // namespace sinew::internal
