@@ -404,6 +404,18 @@ Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const 
   return value;
 }
 
+void Minimand::comeTo() const {
+  for (std::size_t i = 0; i < elastic.size(); ++i) elastic[i] = values[i].elastic;
+}
+
+double Minimand::besideElastic(const float* d) const {
+  double total = lanes->evaluate(d, first, jobs);
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob,
+          [&](std::uint32_t i) { values[i].total = pieces[i]->besideElastic(d + first[i], nullptr); });
+  for (const Objective::Value& one : values) total += one.total;
+  return total;
+}
+
 double Minimand::rub(float* gradient) const {
   if (isAlone()) return pieces[0]->rub(gradient);
   double total = lanes->rub(jobs);
@@ -622,6 +634,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     }
     renewed = carried = false;
     scale *= part;
+    minimand.comeTo();
     pairs.take(d, trial, gradient, next_gradient, jobs);
     minimand.takeOwn(d, trial, gradient, next_gradient);
     std::copy_n(trial, n, d);

@@ -173,12 +173,17 @@ struct Minimand {
   TouchLanes* lanes = nullptr;           ///< where they are evaluated; null: there are none
   MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
+  std::span<double> elastic;             ///< of the pieces where the minimization has come to, J; the same
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
   std::span<Pairs* const> own_pairs;     ///< of each piece (takeOwn()); none of one piece alone
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
   std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`, first the ones that hang or lie on others
 
   Objective::Value at(const float* d, float* gradient, bool mark) const;
+  /// The minimization has come to where the last at() was.
+  void comeTo() const;
+  /// All of it but the elastic energy.
+  double besideElastic(const float* d) const;
   /// Friction takes the load at d.
   void press(const float* d) const;
   /// Objective::rub() of all, and of the touches.

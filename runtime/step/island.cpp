@@ -40,12 +40,14 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
                     touch_count = std::bit_ceil(size.touches);
   vectors.reserveVectors(4 * functions);
   rigid.reserve(members, touch_count);
-  for (Array<std::uint32_t>* array : {&first, &order, &arranged, &hops, &next_row}) array->reserve(members + 1);
+  for (Array<std::uint32_t>* array : {&first, &order, &near_order, &arranged, &hops, &next_row})
+    array->reserve(members + 1);
   place.reserve(steps);
   objectives.reserve(members);
   systems.reserve(members);
   own_pairs.reserve(members);
   values.reserve(members);
+  for (Array<double>* array : {&elastic, &predicted, &stored}) array->reserve(members);
   touches.reserve(touch_count);
   rows.reserve(2 * touch_count);
   lanes.reserve(members, std::bit_ceil(size.pairs), std::bit_ceil(size.packs), std::bit_ceil(size.rows));
@@ -66,7 +68,7 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
     const std::uint32_t size = 4 * step.field().k, first = scratch_.first[scratch_.place[members_[i]]];
     std::copy_n(all.d.data() + first, size, step.scratch().d.data());
     std::copy_n(all.gradient.data() + first, size, step.scratch().gradient.data());
-    step.finishTogether(leaning);
+    step.finishTogether(leaning, minimand_.elastic[scratch_.place[members_[i]]]);
   });
   leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
@@ -121,6 +123,7 @@ void Island::gather() {
     s.own_pairs.push_back(&piece(i).startPairs());
   }
   s.values.resize(members_.size());
+  s.elastic.resize(members_.size());
   s.vectors.reserveVectors(size);
   gatherRows();
   gatherPairs();
@@ -133,6 +136,7 @@ void Island::gather() {
   minimand_.lanes = &s.lanes;
   minimand_.vectors = &s.vectors;
   minimand_.values = {s.values.data(), s.values.size()};
+  minimand_.elastic = {s.elastic.data(), s.elastic.size()};
   minimand_.jobs = jobs_;
   const auto rows_of = [&](std::size_t i) {
     const std::uint32_t begin = i == 0 ? 0 : s.next_row[i - 1];
@@ -213,7 +217,6 @@ void Island::couple(const Vector3d& gravity) {
     return a != b ? a < b : i < j;
   });
   minimand_.order = {order.data(), order.size()};
-  scratch_.rigid.make(minimand_);
   minimand_.rigid = &scratch_.rigid;
 }
 
@@ -223,70 +226,115 @@ void Island::solve(std::uint32_t iterations) {
   std::fill_n(s.d.begin(), size, 0.0F);
   minimand_.press(s.d.data());
   Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
+  minimand_.comeTo();
+  // What shapes store at the prediction, and stored before the step: less than nothing where that is not known.
+  Array<double>&predicted = scratch_.predicted, &stored = scratch_.stored;
+  predicted.clear();
+  stored.clear();
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    predicted.push_back(minimand_.elastic[i]);
+    stored.push_back(piece(i).stands() ? predicted[i] : piece(i).stored());
+  }
+  const bool all_near = near_ == members_.size();
+  if (near_ == 0 || all_near) scratch_.rigid.make(minimand_);
   bool last_taken = true;  // touches are as they are at s.d
-  const auto tryNext = [&] {
-    minimand_.press(s.next.data());
-    const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
-    last_taken = other.total < value.total;
-    if (!last_taken) return;
-    value = other;
-    std::copy_n(s.next.data(), size, s.d.data());
-    std::copy_n(s.next_gradient.data(), size, s.gradient.data());
-  };
-  // Bodies of an impact may start where rigid ones would be stopped: else the skin is stopped first, and they
-  // are drawn out to many times their length.
+  bool stale = false;      // the gradient is not the one there
   if (near_ > 0) {
-    std::fill_n(s.next.begin(), size, 0.0F);
-    std::copy_n(s.gradient.data(), size, s.next_gradient.data());
-    for (int round = 0; round < kRigidRounds; ++round) {
-      std::fill_n(s.direction.begin(), size, 0.0F);
-      scratch_.rigid.take(minimand_, s.next_gradient.data());
-      scratch_.rigid.giveAlone(minimand_, s.direction.data());
-      for (std::uint32_t i = 0; i < size; ++i) s.next[i] -= s.direction[i];
-      tryNext();
-    }
+    const Minimand near = all_near ? minimand_ : nearImpacts();
+    stale = startRigid(near, all_near ? value : near.at(s.d.data(), s.gradient.data(), false), value);
+    last_taken = false;
+    scratch_.lanes.useFirst(std::uint32_t(scratch_.lanes.pairs().size()));
+    if (!all_near) scratch_.rigid.make(minimand_);
   }
   for (const bool all : {true, false}) {
-    bool differs = all;
+    bool differs = all, known = true;
+    double elastic = 0;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       float* const next = s.next.data() + scratch_.first[i];
-      if (all || piece(i).leaned()) {
+      const bool old = all || piece(i).leaned();
+      if (old) {
         piece(i).oldPlace(next);
       } else {
         std::fill_n(next, 4 * piece(i).field().k, 0.0F);
         differs = true;
       }
+      const double own = old ? stored[i] : predicted[i];
+      known = known && own >= 0;
+      elastic += own;
     }
-    if (differs) tryNext();
+    if (!differs) continue;
+    minimand_.press(s.next.data());
+    last_taken = false;
+    if (known && elastic + minimand_.besideElastic(s.next.data()) >= value.total) continue;
+    const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
+    if (!(other.total < value.total)) continue;
+    last_taken = true;
+    stale = false;
+    value = other;
+    minimand_.comeTo();
+    std::copy_n(s.next.data(), size, s.d.data());
+    std::copy_n(s.next_gradient.data(), size, s.gradient.data());
   }
   if (!last_taken) {
     minimand_.press(s.d.data());
-    value = minimand_.at(s.d.data(), s.gradient.data(), false);
+    if (stale) {
+      value = minimand_.at(s.d.data(), s.gradient.data(), false);
+    } else {
+      scratch_.lanes.evaluate(s.d.data(), minimand_.first, jobs_);
+    }
   }
   s.pairs.start(size);
-  const bool all_near = near_ == members_.size();
   minimize(minimand_, s.pairs, (all_near ? kImpact : 1) * 2 * iterations, value);
-  if (near_ > 0 && !all_near) solveImpacts((kImpact - 1) * 2 * iterations);
+  if (near_ == 0 || all_near) return;
+  Minimand near = nearImpacts();
+  // Trials have the others where they are.
+  std::copy(s.d.data() + near.size, s.d.data() + size, s.next.data() + near.size);
+  s.pairs.start(near.size);
+  minimize(near, s.pairs, (kImpact - 1) * 2 * iterations, near.at(s.d.data(), s.gradient.data(), false));
 }
 
-void Island::solveImpacts(std::uint32_t iterations) {
+// Else the skin is stopped first, and they are drawn out to many times their length.
+bool Island::startRigid(const Minimand& near, Objective::Value near_value, Objective::Value& value) {
   MinimizeScratch& s = scratch_.vectors;
+  bool taken = false;
+  std::fill_n(s.next.begin(), minimand_.size, 0.0F);
+  std::copy_n(s.gradient.data(), near.size, s.next_gradient.data());
+  for (int round = 0; round < kRigidRounds; ++round) {
+    std::fill_n(s.direction.begin(), near.size, 0.0F);
+    scratch_.rigid.take(near, s.next_gradient.data());
+    scratch_.rigid.giveAlone(near, s.direction.data());
+    for (std::uint32_t i = 0; i < near.size; ++i) s.next[i] -= s.direction[i];
+    near.press(s.next.data());
+    const Objective::Value other = near.at(s.next.data(), s.next_gradient.data(), false);
+    if (!(other.total < near_value.total)) continue;
+    taken = true;
+    value.total += other.total - near_value.total;
+    value.elastic += other.elastic - near_value.elastic;
+    near_value = other;
+    near.comeTo();
+    std::copy_n(s.next.data(), near.size, s.d.data());
+    std::copy_n(s.next_gradient.data(), near.size, s.gradient.data());
+  }
+  return taken;
+}
+
+Minimand Island::nearImpacts() {
   Minimand near = minimand_;
   near.pieces = near.pieces.first(near_);
   near.systems = near.systems.first(near_);
   near.own_pairs = near.own_pairs.first(near_);
   near.values = near.values.first(near_);
+  near.elastic = near.elastic.first(near_);
   near.size = scratch_.first[near_];
-  Array<std::uint32_t>& order = scratch_.order;
-  order.resize(std::size_t(std::remove_if(order.begin(), order.end(), [&](std::uint32_t i) { return i >= near_; }) -
-                           order.begin()));
+  Array<std::uint32_t>& order = scratch_.near_order;
+  order.clear();
+  for (const std::uint32_t i : minimand_.order) {
+    if (i < near_) order.push_back(i);
+  }
   near.order = {order.data(), order.size()};
   scratch_.lanes.useFirst(near_pairs_);
   scratch_.rigid.make(near);
-  // Trials have the others where they are.
-  std::copy(s.d.data() + near.size, s.d.data() + minimand_.size, s.next.data() + near.size);
-  s.pairs.start(near.size);
-  minimize(near, s.pairs, iterations, near.at(s.d.data(), s.gradient.data(), false));
+  return near;
 }
 
 void Island::dampSwing(double h, const WorldSettings& settings) {

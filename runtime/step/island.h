@@ -26,6 +26,7 @@ struct IslandScratch {
         rigid(memory),
         first(memory),
         order(memory),
+        near_order(memory),
         place(memory),
         arranged(memory),
         hops(memory),
@@ -36,13 +37,16 @@ struct IslandScratch {
         touches(memory),
         lanes(memory),
         rows(memory),
-        values(memory) {}
+        values(memory),
+        elastic(memory),
+        predicted(memory),
+        stored(memory) {}
   /// Room for islands of at most this size, among so many steps.
   void reserve(std::size_t steps, const IslandSize& size);
 
   MinimizeScratch vectors;
   RigidCoupling rigid;
-  Array<std::uint32_t> first, order, place, arranged, hops, next_row;
+  Array<std::uint32_t> first, order, near_order, place, arranged, hops, next_row;
   Array<Objective*> objectives;
   Array<SystemFactor*> systems;
   Array<Pairs*> own_pairs;
@@ -50,6 +54,7 @@ struct IslandScratch {
   TouchLanes lanes;
   Array<TouchRow> rows;
   Array<Objective::Value> values;
+  Array<double> elastic, predicted, stored;  ///< J
 };
 
 /// The pieces of an island.
@@ -76,8 +81,12 @@ class Island {
   void couple(const Vector3d& gravity);
   /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.
   void solve(std::uint32_t iterations);
-  /// Goes on minimizing pieces near impacts, the others where they are.
-  void solveImpacts(std::uint32_t iterations);
+  /// The pieces near impacts, while the others stay.
+  Minimand nearImpacts();
+  /// Bodies of an impact may start where rigid ones would be stopped, those of `near` after the prediction. \param
+  /// near_value of these there. \param[in,out] value of all. \return whether they do; the gradients of others are then
+  /// those of before
+  bool startRigid(const Minimand& near, Objective::Value near_value, Objective::Value& value);
   /// Support damping of the island: the rotation of its pieces about its centre decays.
   void dampSwing(double h, const WorldSettings& settings);
   /// Puts back the momentum that minimizing has lost: all forces were between the pieces.

@@ -208,10 +208,10 @@ void PieceStep::setOffset(float* d, std::uint32_t j, const Vector3d& way) const 
   for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? float(local[int(c)]) : 0;
 }
 
-void PieceStep::finishTogether(bool leaning) {
+void PieceStep::finishTogether(bool leaning, double elastic) {
   if (stands()) return;
   value_ = {};
-  value_.elastic = objective_.elastic(s_.d.data(), s_.next_gradient.data(), false);
+  value_.elastic = elastic;
   settle();
   piece_.state.leaning = leaning;
 }

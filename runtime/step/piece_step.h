@@ -68,6 +68,8 @@ class PieceStep {
   /// It stands as if it were rock: a part of an island that does not move.
   bool stands() const { return body_.activity != Activity::active; }
   bool isSupported() const { return stands() || springs_ || field_.driven > 0 || !s_.contacts.empty(); }
+  /// What the shape stores before the step, J; negative: not known.
+  double stored() const { return piece_.state.elastic; }
   bool leaned() const { return piece_.state.leaning || !piece_.state.touching.empty(); }
 
   /// Takes the memory that prepareTogether() needs for so many rows.
@@ -76,8 +78,9 @@ class PieceStep {
   void prepareTogether(std::span<TouchRow> rows);
   /// Where it was, from the prediction, in the frame of the piece. \param d k x 4.
   void oldPlace(float* d) const;
-  /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.
-  void finishTogether(bool leaning);
+  /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held. \param
+  /// elastic energy there, J
+  void finishTogether(bool leaning, double elastic);
 
   /// Mass, centre and motion as a whole: before the step, as predicted, and after it.
   struct Whole {
