@@ -7,6 +7,7 @@
 #include "runtime/kernels/field_layout.h"
 #include "runtime/kernels/lanes.h"
 #include "runtime/kernels/rotation.h"
+#include "runtime/kernels/shuffles.h"
 #include "runtime/kernels/svd.h"
 
 namespace sinew::internal::SINEW_KERNELS {
@@ -38,19 +39,6 @@ SINEW_INLINE Mat3Of<Float8> deformationGradient(std::uint32_t functions, const f
     }
   }
   return f;
-}
-
-/// lanes_j += P grad phi_j.
-SINEW_INLINE void addStress(std::uint32_t functions, const float* gradients, const Mat3Of<Float8>& p, float* lanes) {
-  for (std::uint32_t j = 0; j < functions; ++j) {
-    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8),
-                 gz = load8(gradients + 24 * j + 16);
-    SINEW_UNROLL
-    for (int row = 0; row < 3; ++row) {
-      float* const to = lanes + 24 * j + 8 * std::uint32_t(row);
-      store8(to, load8(to) + ((p(row, 0) * gx + p(row, 1) * gy) + p(row, 2) * gz));
-    }
-  }
 }
 
 /// R - 1, to the digits of small turns.
@@ -152,61 +140,79 @@ SINEW_INLINE Mat3Of<Float8> cofactor(const Mat3Of<Float8>& f) {
   return c;
 }
 
-/// Psi = mu |F - R|^2 + lambda / 2 g^2(det F), summed with the samples' volumes. \return the energy, J.
-/// Where a sample has a permanent shape S, F stands for F S^-1. F and R are kept less 1, so that rounding is relative
-/// to the deformation.
-[[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
-  const std::uint32_t k = a.functions;
-  for (std::uint32_t i = 0; i < 3 * k; ++i) store8(a.lanes + 8 * i, Float8{});
+/// Psi = mu |F - R|^2 + lambda / 2 g^2(det F) of eight samples, times their volumes. Where a sample has a permanent
+/// shape S, F stands for F S^-1. F and R are kept less 1, so that rounding is relative to the deformation.
+/// \param energy added to, J. \return its derivative by F
+SINEW_INLINE Mat3Of<Float8> stressOf(const FieldEnergyArguments& a, std::uint32_t s, double& energy) {
   const Mat3Of<Float8> one = identity<Float8>();
-  double energy = 0;
-  for (std::uint32_t s = 0; s < a.pack_count; ++s) {
-    const SamplePack& pack = a.packs[s];
-    const float* const gradients = a.gradients + std::size_t(24) * k * s;
-    Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients);
-    const float* const rest_change = a.rest_change != nullptr ? a.rest_change + std::size_t(72) * s : nullptr;
-    if (rest_change != nullptr) change = fromRestShape(change, loadMatrix(rest_change));
-    Mat3Of<Float8> f;
-    for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
-    const Float8 swollen = determinantChange(change), unit = splat<Float8>(1.0F);
-    float* const squeezed = a.squeezed + 8 * s;
-    if (a.mark) store8(squeezed, clamped((kSqueezed - unit - swollen) / (kSqueezed - kInverted), Float8{}, unit));
-    const Float8 common = load8(squeezed), own = unit - common;
-    float* const q = a.quaternions + 32 * s;
-    QuaternionOf<Float8> rotation = {load8(q), load8(q + 8), load8(q + 16), load8(q + 24)};
-    Mat3Of<Float8> guide;
-    for (int i = 0; i < 9; ++i) guide.m[i] = own * f.m[i] + common * one.m[i];
-    nearestRotation(guide, rotation);
-    store8(q, rotation.w);
-    store8(q + 8, rotation.x);
-    store8(q + 16, rotation.y);
-    store8(q + 24, rotation.z);
-    const Mat3Of<Float8> turn = turnOf(rotation);
-    Mat3Of<Float8> strain;
-    for (int i = 0; i < 9; ++i) strain.m[i] = change.m[i] - turn.m[i];
-    const SwellingOf measure = swellingOf(swollen);
-    const Float8 swelling = own * measure.value + common * ((change(0, 0) + change(1, 1)) + change(2, 2));
-    const Float8 volume = load8(pack.volume) * a.stiffness;
-    const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * swelling;
-    const Float8 size2 = squaredNorm(strain);
-    const Float8 aligned = select(common < unit, mu * common / own, Float8{}) * squaredNorm(turn);
-    energy += double(sumOfLanes((mu * size2 + aligned) + 0.5F * (pressure * swelling)));
-    const Float8 twice = mu + mu, push = pressure * (own * measure.rate), common_push = pressure * common;
-    const Mat3Of<Float8> area = cofactor(f);
-    Mat3Of<Float8> p;
-    for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + (push * area.m[i] + common_push * one.m[i]);
-    if (a.limits != nullptr) {
-      const Int8 on = (size2 > load8(a.limits[s].reach)) & (common < unit);
-      if (any(on)) energy += addLimits(a.limits[s], pack, a.stiffness, on, f, p);
-    }
-    if (rest_change != nullptr) addTo(p, timesTransposed(p, loadMatrix(rest_change)));
-    addStress(k, gradients, p, a.lanes);
+  const SamplePack& pack = a.packs[s];
+  Mat3Of<Float8> change =
+      deformationGradient(a.functions, a.gradients + std::size_t(24) * a.functions * s, a.coefficients);
+  const float* const rest_change = a.rest_change != nullptr ? a.rest_change + std::size_t(72) * s : nullptr;
+  if (rest_change != nullptr) change = fromRestShape(change, loadMatrix(rest_change));
+  Mat3Of<Float8> f;
+  for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
+  const Float8 swollen = determinantChange(change), unit = splat<Float8>(1.0F);
+  float* const squeezed = a.squeezed + 8 * s;
+  if (a.mark) store8(squeezed, clamped((kSqueezed - unit - swollen) / (kSqueezed - kInverted), Float8{}, unit));
+  const Float8 common = load8(squeezed), own = unit - common;
+  float* const q = a.quaternions + 32 * s;
+  QuaternionOf<Float8> rotation = {load8(q), load8(q + 8), load8(q + 16), load8(q + 24)};
+  Mat3Of<Float8> guide;
+  for (int i = 0; i < 9; ++i) guide.m[i] = own * f.m[i] + common * one.m[i];
+  nearestRotation(guide, rotation);
+  store8(q, rotation.w);
+  store8(q + 8, rotation.x);
+  store8(q + 16, rotation.y);
+  store8(q + 24, rotation.z);
+  const Mat3Of<Float8> turn = turnOf(rotation);
+  Mat3Of<Float8> strain;
+  for (int i = 0; i < 9; ++i) strain.m[i] = change.m[i] - turn.m[i];
+  const SwellingOf measure = swellingOf(swollen);
+  const Float8 swelling = own * measure.value + common * ((change(0, 0) + change(1, 1)) + change(2, 2));
+  const Float8 volume = load8(pack.volume) * a.stiffness;
+  const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * swelling;
+  const Float8 size2 = squaredNorm(strain);
+  const Float8 aligned = select(common < unit, mu * common / own, Float8{}) * squaredNorm(turn);
+  energy += double(sumOfLanes((mu * size2 + aligned) + 0.5F * (pressure * swelling)));
+  const Float8 twice = mu + mu, push = pressure * (own * measure.rate), common_push = pressure * common;
+  const Mat3Of<Float8> area = cofactor(f);
+  Mat3Of<Float8> p;
+  for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + (push * area.m[i] + common_push * one.m[i]);
+  if (a.limits != nullptr) {
+    const Int8 on = (size2 > load8(a.limits[s].reach)) & (common < unit);
+    if (any(on)) energy += addLimits(a.limits[s], pack, a.stiffness, on, f, p);
   }
-  for (std::uint32_t j = 0; j < k; ++j) {
-    for (std::uint32_t row = 0; row < 3; ++row) {
-      a.gradient[4 * j + row] = sumOfLanes(load8(a.lanes + 24 * j + 8 * row));
+  if (rest_change != nullptr) addTo(p, timesTransposed(p, loadMatrix(rest_change)));
+  return p;
+}
+
+/// The energy of all samples, and sum P grad phi_j: some packs after the other, so that what they share stays in
+/// registers. \return the energy, J.
+[[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
+  constexpr std::uint32_t kPacks = 4;
+  const std::uint32_t k = a.functions;
+  double energy = 0;
+  for (std::uint32_t first = 0; first == 0 || first < a.pack_count; first += kPacks) {
+    const std::uint32_t count = a.pack_count - first < kPacks ? a.pack_count - first : kPacks;
+    Mat3Of<Float8> stress[kPacks];
+    for (std::uint32_t i = 0; i < count; ++i) stress[i] = stressOf(a, first + i, energy);
+    for (std::uint32_t j = 0; j < k; ++j) {
+      float* const lanes = a.lanes + 24 * j;
+      Vec3Of<Float8> sum = {};
+      if (first > 0) sum = {load8(lanes), load8(lanes + 8), load8(lanes + 16)};
+      const float* gradient = a.gradients + std::size_t(24) * (std::size_t(k) * first + j);
+      for (std::uint32_t i = 0; i < count; ++i, gradient += std::size_t(24) * k) {
+        sum = sum + stress[i] * Vec3Of<Float8>{load8(gradient), load8(gradient + 8), load8(gradient + 16)};
+      }
+      if (first + kPacks >= a.pack_count) {
+        store4(a.gradient + 4 * j, sumsOf(sum));
+        continue;
+      }
+      store8(lanes, sum.x);
+      store8(lanes + 8, sum.y);
+      store8(lanes + 16, sum.z);
     }
-    a.gradient[4 * j + 3] = 0;
   }
   return energy;
 }
@@ -430,7 +436,10 @@ static void fieldModes(const FieldModesArguments& a) {
   std::uint32_t first = 0;
   for (; first + 24 < n; first += 32) throughModes<4>(a, first);
   for (; first < n; first += 8) throughModes<1>(a, first);
-  for (std::uint32_t i = 0; i < n; ++i) a.vector[i] = sumOfLanes(load8(a.lanes + 8 * i));
+  for (std::uint32_t i = 0; i < n; i += 3) {
+    const float* const lanes = a.lanes + 8 * i;
+    store4(a.vector + i, sumsOf({load8(lanes), load8(lanes + 8), load8(lanes + 16)}));
+  }
 }
 
 /// The numbers of the lanes.

@@ -89,7 +89,7 @@ struct FieldModesArguments {
   float inertia;           ///< 1/h^2
   float stiffness;         ///< factor on the squared frequencies
   float* lanes;            ///< scratch, 3 n x 8
-  float* vector;           ///< 3 n, in and out
+  float* vector;           ///< 3 n, in and out, and one float of scratch
 };
 
 /// A symmetric positive matrix, its lower triangle row by row, or what factorize makes of it. Entries right of the

@@ -22,15 +22,6 @@ SINEW_INLINE Vec3Of<Float8> select(Int8 mask, const Vec3Of<Float8>& v) {
   return {select(mask, v.x, Float8{}), select(mask, v.y, Float8{}), select(mask, v.z, Float8{})};
 }
 
-/// Sums of the lanes of each, and 0.
-SINEW_INLINE Float4 sumsOf(const Vec3Of<Float8>& v) {
-  const Float4 x = lowHalf(v.x) + highHalf(v.x), y = lowHalf(v.y) + highHalf(v.y), z = lowHalf(v.z) + highHalf(v.z),
-               none = {};
-  const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5) + SINEW_SHUFFLE(x, y, 2, 6, 3, 7);
-  const Float4 z0 = SINEW_SHUFFLE(z, none, 0, 4, 1, 5) + SINEW_SHUFFLE(z, none, 2, 6, 3, 7);
-  return SINEW_SHUFFLE(xy, z0, 0, 1, 4, 5) + SINEW_SHUFFLE(xy, z0, 2, 3, 6, 7);
-}
-
 SINEW_INLINE double totalOf(Float8 a) {
   return ((double(lane(a, 0)) + double(lane(a, 1))) + (double(lane(a, 2)) + double(lane(a, 3)))) +
          ((double(lane(a, 4)) + double(lane(a, 5))) + (double(lane(a, 6)) + double(lane(a, 7))));

@@ -22,6 +22,15 @@ SINEW_INLINE Float4 lowHalf(Float8 a) { return a.low; }
 SINEW_INLINE Float4 highHalf(Float8 a) { return a.high; }
 #endif
 
+/// Sums of the lanes of each, and 0.
+SINEW_INLINE Float4 sumsOf(const Vec3Of<Float8>& v) {
+  const Float4 x = lowHalf(v.x) + highHalf(v.x), y = lowHalf(v.y) + highHalf(v.y), z = lowHalf(v.z) + highHalf(v.z),
+               none = {};
+  const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5) + SINEW_SHUFFLE(x, y, 2, 6, 3, 7);
+  const Float4 z0 = SINEW_SHUFFLE(z, none, 0, 4, 1, 5) + SINEW_SHUFFLE(z, none, 2, 6, 3, 7);
+  return SINEW_SHUFFLE(xy, z0, 0, 1, 4, 5) + SINEW_SHUFFLE(xy, z0, 2, 3, 6, 7);
+}
+
 #if defined(__AVX512F__)
 SINEW_INLINE Float16 joined(Float8 low, Float8 high) {
   return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);

@@ -31,6 +31,10 @@ constexpr double kEnergyNoise = 4e-6;
 
 using Four = Eigen::Array4f;
 
+/// Functions of a field whose lanes, 24 floats each, are on the stack: what one piece after the other uses stays in the
+/// cache.
+constexpr std::uint32_t kOnStack = 64;
+
 }  // namespace
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
@@ -290,7 +294,8 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   arguments.mark = mark;
   arguments.quaternions = scratch->quaternions.data();
   arguments.squeezed = scratch->squeezed.data();
-  arguments.lanes = scratch->lanes.data();
+  float lanes[24 * kOnStack];
+  arguments.lanes = field->k <= kOnStack ? lanes : scratch->lanes.data();
   arguments.gradient = gradient;
   arguments.rest_change = rest_change;
   arguments.limits = field->limits;
@@ -347,8 +352,9 @@ void Objective::precondition(float* g) const {
   if (system != nullptr) {
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
   } else {
-    kernels().field_modes(
-        {field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local});
+    float lanes[24 * kOnStack];
+    kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness,
+                           k <= kOnStack ? lanes : scratch->lanes.data(), local});
   }
   for (std::uint32_t j = driven; j < k; ++j) std::copy_n(local + 3 * (j - driven), 3, g + 4 * j);
 }
