@@ -159,12 +159,11 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       --field.drawn_count;
     }
     field.functions = package.fieldFunctions().subspan(record.first_function, record.function_count);
-    double ones = 0;
     for (std::uint32_t j = 0; j < field.k; ++j) {
       field.rest_center += field.oneOf(j) * field.restOf(j);
-      ones += field.oneOf(j) * field.oneOf(j);
+      field.ones += field.oneOf(j) * field.oneOf(j);
     }
-    field.rest_center /= ones;
+    field.rest_center /= field.ones;
     // Contact points are the same on all levels, and are known by their place in the first one's.
     const formats::Field& whole = package.allFields()[i % package.fields().size()];
     field.points = package.fieldPoints().subspan(whole.first_point, whole.point_count);

@@ -56,6 +56,7 @@ struct Field {
   double young = 0;                         ///< mean Young's modulus, Pa
   double foundation = 0;                    ///< kappa of a vertex held at run time (docs/method.md §4), N/m
   double lowest_hz = 0;                     ///< of the lowest elastic mode, Hz
+  double ones = 0;                          ///< sum of squares of the functions' `one`
   Vector3d rest_center = Vector3d::Zero();  ///< of its mass, m
 
   /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.

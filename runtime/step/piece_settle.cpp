@@ -29,7 +29,8 @@ void PieceStep::settle() {
   state.omega = rigid_.omega;
   const bool touched = !state.touching.empty();
   // Beside its weight and the air only contacts have changed the momentum, unless something holds the piece.
-  const Vector3d given = -(field_.mass * (meanOf(field_, std::as_const(piece_).v()) - rigid_velocity_));
+  Vector3d given = Vector3d::Zero();
+  if (!s_.contacts.empty()) given = -(field_.mass * (meanOf(field_, std::as_const(piece_).v()) - rigid_velocity_));
   const bool held = springs_ || field_.driven > 0;
   const std::size_t first_touch = body_.touches.size();
   const double elastic_before = state.elastic;
@@ -59,14 +60,13 @@ void PieceStep::becomePermanent() {
 
 void PieceStep::keepMomentum(CoefficientMap& z, CoefficientMap& v) const {
   const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
-  const Vector3d astray = meanOf(field_, at) - meanOf(field_, y()) - dragged_;
+  const Vector3d center = center_ + dragged_, astray = meanOf(field_, at) - center;
   for (std::uint32_t j = 0; j < k_; ++j) z.row(j) -= (oneOf(field_, j) * astray).transpose();
-  const Vector3d center = meanOf(field_, at);
-  const Vector3d lacking = rigid_velocity_ - meanOf(field_, moving);
+  const Vector3d velocity = meanOf(field_, moving), lacking = rigid_velocity_ - velocity;
   // Angular momentum: what it was, less what the air took.
   Vector3d wanted = angularMomentumBefore() * std::exp(-double(settings_.damping) * h_);
   if (forced_) wanted += h_ * twist_;
-  const Vector3d found = angularMomentum(field_, at, moving, center, meanOf(field_, moving));
+  const Vector3d found = angularMomentum(field_, at, moving, center, velocity);
   const Vector3d turn = solved(inertiaOf(field_, at, center), wanted - found);
   for (std::uint32_t j = 0; j < k_; ++j) {
     const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
@@ -84,7 +84,9 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
   PieceState& state = piece_.state;
   if (field_.driven > 0) return;
   const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
-  const Vector3d center = meanOf(field_, at), velocity = meanOf(field_, moving);
+  // Of a free piece as keepMomentum() leaves them.
+  const Vector3d center = free ? Vector3d(center_ + dragged_) : meanOf(field_, at),
+                 velocity = free ? rigid_velocity_ : meanOf(field_, moving);
   const Vector3d omega = solved(inertiaOf(field_, at, center), angularMomentum(field_, at, moving, center, velocity));
   double whole = 0, deforming = 0;
   for (std::uint32_t j = 0; j < k_; ++j) {

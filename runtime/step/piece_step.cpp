@@ -50,7 +50,7 @@ void PieceStep::begin() {
   }
   springs_ = hasSprings(body_, piece_);
   forced_ = findForces();
-  findMotion();
+  findMotion(mean);
   two_step_ = mayContinue();
   predict();
   findExternal();
@@ -269,7 +269,7 @@ ContactStep PieceStep::contactStep() const {
           stiffness_, double(settings_.deformation_damping_ratio)};
 }
 
-void PieceStep::findMotion() {
+void PieceStep::findMotion(const Vector3d& center) {
   const ConstCoefficientMap z = std::as_const(piece_).z(), v = std::as_const(piece_).v();
   rigid_ = {};
   if (field_.driven > 0) {
@@ -292,7 +292,7 @@ void PieceStep::findMotion() {
     turn_ = turnBy(h_ * rigid_.omega);
     return;
   }
-  rigid_.center = meanOf(field_, z);
+  rigid_.center = center;
   rigid_.velocity = meanOf(field_, v);
   Vector3d momentum = angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
   const Matrix3d inertia = inertiaOf(field_, z, rigid_.center);
@@ -407,7 +407,8 @@ void PieceStep::predict() {
       const Vector3d old = z_before.row(j).transpose() - one * mean_before;
       const Vector3d old_speed = v_before.row(j).transpose() - one * velocity_before - omega_before.cross(old);
       shape -= before * (turn_before * old);
-      speed -= before * air_before * std::exp(-rate * h_before) * (turn_before * old_speed);
+      const double kept_before = h_before == h_ ? kept : air_before * std::exp(-rate * h_before);
+      speed -= before * kept_before * (turn_before * old_speed);
     }
     speed *= kept;
     if (!turns) {

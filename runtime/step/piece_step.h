@@ -110,8 +110,8 @@ class PieceStep {
   void takeDrag();
   double keptOfTurns() const;
 
-  /// The rigid motion: of the pin sets where the field holds the piece, else of its mass.
-  void findMotion();
+  /// The rigid motion: of the pin sets where the field holds the piece, else of its mass. \param center of that
+  void findMotion(const Vector3d& center);
 
   bool mayContinue() const;
 

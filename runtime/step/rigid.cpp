@@ -14,13 +14,15 @@ Matrix3d turnBy(const Vector3d& angle) {
 }
 
 Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
-  Vector3d sum = Vector3d::Zero();
-  double mass = 0;
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    sum += oneOf(field, j) * z.row(j).transpose();
-    mass += oneOf(field, j) * oneOf(field, j);
+  // Even and odd functions apart: sums do not wait for one another.
+  Vector3d even = Vector3d::Zero(), odd = even;
+  std::uint32_t j = 0;
+  for (; j + 1 < field.k; j += 2) {
+    even += oneOf(field, j) * z.row(j).transpose();
+    odd += oneOf(field, j + 1) * z.row(j + 1).transpose();
   }
-  return sum / mass;
+  if (j < field.k) even += oneOf(field, j) * z.row(j).transpose();
+  return (even + odd) / field.ones;
 }
 
 Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const ConstCoefficientMap& v,
