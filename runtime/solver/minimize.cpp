@@ -512,19 +512,52 @@ double Minimand::fallen2(const float* gradient, const float* d) const {
   return most;
 }
 
-void Minimand::renew(const float* d, bool pushing_only) const {
+// Of a convex energy E(b) - E(a) <= grad E(b) . (b - a): what raises it turned its slope round.
+bool Minimand::renew(const float* d, const float* next_gradient, const float* direction, bool pushing_only) const {
   if (lanes != nullptr) lanes->place(d, first, false, jobs);
-  for (TouchLink& touch : touches) touch.firm = !pushing_only || lanes->gap(touch.slot) < 0 ? touch.kappa : 0;
-  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+  bool some = false;
+  for (std::size_t i = 0; i < pieces.size() && !pushing_only; ++i) {
+    Objective& piece = *pieces[i];
+    const float* const way = direction + first[i];
+    piece.renews = !piece.renewed && dot(next_gradient + first[i], way, 4 * piece.field->k) < 0;
+    some = some || piece.renews;
+  }
+  // Not convex: any may have.
+  for (Objective* piece : pieces) piece->renews = !pushing_only && (some ? piece->renews : !piece->renewed);
+  const auto renews = [&](std::uint32_t piece) { return piece < pieces.size() && pieces[piece]->renews; };
+  for (TouchLink& touch : touches) {
+    const bool counts =
+        pushing_only ? lanes->gap(touch.slot) < 0 : renews(touch.a) || renews(touch.b) || touch.firm > 0;
+    const float firm = counts ? touch.kappa : 0;
+    if (firm == touch.firm) continue;
+    touch.firm = firm;
+    for (const std::uint32_t piece : {touch.a, touch.b}) {
+      if (piece < pieces.size()) pieces[piece]->renews = true;
+    }
+  }
+  some = false;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
     Objective& piece = *pieces[i];
     for (Contact& contact : piece.scratch->contacts) {
       contact.way = piece.wayOf(contact.phi, d + first[i]);
-      contact.firm = !pushing_only || gapOf(contact) < 0 ? contact.kappa : 0;
+      const bool counts = pushing_only ? gapOf(contact) < 0 : piece.renews || contact.firm > 0;
+      const float firm = counts ? contact.kappa : 0;
+      piece.renews = piece.renews || firm != contact.firm;
+      contact.firm = firm;
     }
+    some = some || piece.renews;
+  }
+  if (!some) return false;
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+    Objective& piece = *pieces[i];
+    if (!piece.renews) return;
+    piece.renewed = true;
+    if (!own_pairs.empty()) own_pairs[i]->clear();
     for (TouchRow& row : piece.touch_rows) row.firm = touches[row.touch].firm;
     useSystemAt(piece, *systems[i], d + first[i]);
   });
   if (rigid != nullptr) rigid->make(*this);
+  return true;
 }
 
 namespace {
@@ -573,7 +606,8 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   float* const trial = s.next.data();
   const float* const next_gradient = s.next_gradient.data();
   bool carried = pairs.count() > 0;  // from a step before: of another shape where they lead astray
-  bool renewed = false;              // the matrix is that of this shape
+  bool renewed = false;              // matrices are those of this shape
+  for (Objective* piece : minimand.pieces) piece->renewed = false;
   const bool has_friction = minimand.hasFriction();
   float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
   const auto all = [&](const auto& visit) {
@@ -631,13 +665,13 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     }
     ++iteration;
     if (!taken) {
-      if (renewed) break;
-      minimand.renew(d, settled);
+      if (!minimand.renew(d, next_gradient, direction, settled)) break;
       renewed = true;
-      clear();
+      pairs.clear();
       scale = 1;
       continue;
     }
+    for (std::size_t i = 0; renewed && i < minimand.pieces.size(); ++i) minimand.pieces[i]->renewed = false;
     renewed = carried = false;
     scale *= part;
     minimand.comeTo();

@@ -112,6 +112,8 @@ struct Objective {
   Eigen::Matrix3f holds_rotation = Eigen::Matrix3f::Identity();  ///< of their frame in that of the piece
   bool has_offset = false;  ///< scratch.offset counts: the base is not where inertia alone would lead
   Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();  ///< of the piece
+  bool renewed = false;            ///< the first matrix is that of the shape where the minimization is
+  bool renews = false;             ///< it is about to be made
   const float* system = nullptr;   ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
   std::span<TouchRow> touch_rows;  ///< of what couples it to other pieces
   MinimizeScratch* scratch = nullptr;
@@ -204,9 +206,10 @@ struct Minimand {
   double unsettled2(const float* direction, const float* d) const;
   /// The same of Objective::fallen2(), of pieces that no touch pushes either.
   double fallen2(const float* gradient, const float* d) const;
-  /// The matrices become those of the shape at d. \param pushing_only of contacts and touches those count that push
-  /// there, not all that are near.
-  void renew(const float* d, bool pushing_only) const;
+  /// Matrices become those of the shape at d: where contacts and touches count that are near but do not push there if
+  /// `pushing_only`, which then count no more; else of the pieces along whose part of `direction` the slope has turned
+  /// round. Their pairs end. \return whether there are any that were not made there already
+  bool renew(const float* d, const float* next_gradient, const float* direction, bool pushing_only) const;
 
  private:
   /// Objective::settled2() of a piece at d.
