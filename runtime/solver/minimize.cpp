@@ -644,8 +644,9 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     bool taken = false;
     Objective::Value next;
     for (std::uint32_t tries = 0; tries < 6 && !taken && !settled; ++tries) {
-      for (std::uint32_t i = 0; i < n; i += 4)
+      for (std::uint32_t i = 0; i < n; i += 4) {
         Four::Map(trial + i) = Four::Map(d + i) - part * Four::Map(direction + i);
+      }
       next = minimand.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
       const double wanted = value.total - kSufficient * double(part) * slope;

@@ -7,6 +7,8 @@
 #include <random>
 #include <vector>
 
+#include "runtime/kernels/kernels.h"
+
 namespace sinew::internal {
 namespace {
 
@@ -92,6 +94,39 @@ TEST_F(PairsTest, AreRestoredBitForBit) {
   other.carry(0);
   const Eigen::VectorXd g = some();
   EXPECT_EQ(inverse(other, g), inverse(pairs, g));
+}
+
+TEST(Vectors, MultiplyAndStepAlikeForAllInstructionSets) {
+  std::mt19937 random(8);
+  std::normal_distribution<float> normal;
+  const auto some = [&](std::uint32_t n) {
+    std::vector<float> numbers(n);
+    for (float& each : numbers) each = normal(random);
+    return numbers;
+  };
+  for (std::uint32_t n = 0; n <= 136; n += 4) {
+    const std::vector<float> a = some(n), b = some(n), with = some(n);
+    double product = 0, stepped = 0, size = 0;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      product += double(a[i]) * double(b[i]);
+      stepped += double(with[i]) * (double(b[i]) + 0.7 * double(a[i]));
+      size += std::abs(double(a[i])) + std::abs(double(with[i]));
+    }
+    std::vector<double> expected;
+    for (const char* name : {"portable", "sse42", "avx2", "avx512"}) {
+      const Kernels* table = kernelsNamed(name);
+      if (table == nullptr) continue;
+      std::vector<float> to = b;
+      std::vector<double> found = {table->dot(a.data(), b.data(), n),
+                                   table->add_then_dot(0.7F, a.data(), to.data(), with.data(), n)};
+      EXPECT_NEAR(found[0], product, 1e-6 * size) << n << ' ' << name;
+      EXPECT_NEAR(found[1], stepped, 1e-6 * size) << n << ' ' << name;
+      for (std::uint32_t i = 0; i < n; ++i) EXPECT_EQ(to[i], b[i] + a[i] * 0.7F) << n << ' ' << name;
+      if (expected.empty()) expected = found;
+      EXPECT_EQ(found, expected) << n << ' ' << name;
+    }
+    EXPECT_FALSE(expected.empty());
+  }
 }
 
 }  // namespace

@@ -618,6 +618,39 @@ TEST(Touch, IsTheSameForAnyThreads) {
   }
 }
 
+// What flies into the end of a row of 24: those far from it stay where all have come to while those near it take more
+// iterations.
+TEST(Touch, AnImpactIsSolvedNearIt) {
+  const auto asset = touchingBox({1, 1, 1});
+  std::vector<Vec3> expected;
+  for (const unsigned threads : {1U, 2U}) {
+    ThreadPool pool(threads);
+    World world(inSpace(), threads > 1 ? &pool : nullptr);
+    std::vector<BodyId> bodies = {addMoving(world, asset, {-1.4F, 0.1F, 0}, {30, 0, 0})};
+    for (int i = 0; i < 24; ++i) {
+      BodySettings at;
+      at.position = {0.999F * float(i), 0, 0};
+      bodies.push_back(*world.addBody(asset, at));
+    }
+    const Motion start = motionOf(world, bodies);
+    for (int i = 0; i < 90; ++i) {
+      world.step(kStep);
+      const Motion now = motionOf(world, bodies);
+      EXPECT_LE(now.energy, start.energy * (1 + 1e-5)) << i;
+      EXPECT_LT((now.momentum - start.momentum).norm(), 1e-4 * start.momentum.norm()) << i;
+    }
+    // It has gone on to those in the middle.
+    EXPECT_GT(motionOf(world, {bodies[14]}).momentum.x(), 0.02 * start.momentum.x());
+    std::vector<Vec3> found;
+    for (const BodyId body : bodies) {
+      const auto x = world.positions(body);
+      found.insert(found.end(), x.begin(), x.end());
+    }
+    if (threads == 1) expected = found;
+    EXPECT_EQ(found, expected);
+  }
+}
+
 // In a step of 1/60 s what flies at 100 m/s goes 1.7 m: through all of what it meets. Where in a step it comes decides
 // how the thin plate springs, by a tenth of what it gets: of four such speeds the mean counts.
 TEST(Touch, NothingFliesThrough) {
