@@ -17,7 +17,7 @@ constexpr std::size_t kCandidates = 2;
 Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center) {
   Vector3d x = center;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - double(field.functions[j].one) * center);
+    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - field.oneOf(j) * center);
   }
   return x;
 }
@@ -76,8 +76,8 @@ class Search {
     const Vector3d normal = collider.pose.rotation * plane.normal,
                    old_normal = collider.pose_before.rotation * plane.normal;
     for (std::uint32_t j = 0; j < field_.k; ++j) {
-      const Vector3d arm = y_.row(j).transpose() - double(field_.functions[j].one) * center_;
-      const Vector3d old = piece_.z().row(j).transpose() - double(field_.functions[j].one) * center_;
+      const Vector3d arm = y_.row(j).transpose() - field_.oneOf(j) * center_;
+      const Vector3d old = piece_.z().row(j).transpose() - field_.oneOf(j) * center_;
       scratch_.x[j] = float(normal.dot(arm));
       scratch_.next[j] = float(old_normal.dot(old));
     }
@@ -100,7 +100,7 @@ class Search {
   void findPlaces() {
     float* const places = lent_.places.data();
     for (std::uint32_t j = 0; j < field_.k; ++j) {
-      const double one = double(field_.functions[j].one);
+      const double one = field_.oneOf(j);
       for (std::uint32_t c = 0; c < 3; ++c) {
         scratch_.x[4 * j + c] = float(y_(j, c) - one * center_[c]);
         scratch_.next[4 * j + c] = float(piece_.z()(j, c) - one * center_[c]);
@@ -371,7 +371,7 @@ void findNear(const Piece& piece, std::span<const Collider* const> all, const Co
     if (!collider->shape.isPlane()) {
       if (!bounded) {
         for (std::uint32_t j = 0; j < field.k; ++j) {
-          const Vector3d middle = double(field.functions[j].one) * center;
+          const Vector3d middle = field.oneOf(j) * center;
           const Vector3d now = y.row(j).transpose() - middle, before = piece.z().row(j).transpose() - middle;
           reach += double(piece.reach()[j]) * now.cwiseAbs().cwiseMax(before.cwiseAbs());
         }

@@ -362,7 +362,7 @@ PickWindow::PickWindow(const Body& body, const Piece& piece) : body_(body), fiel
   double squared = 0;
   for (std::uint32_t j = field_.driven; j < field_.k; ++j) {
     const Vector3d rest = asVector(field_.functions[j].rest).cast<double>();
-    sum += double(field_.functions[j].one) * rest;
+    sum += field_.oneOf(j) * rest;
     squared += rest.squaredNorm();
   }
   reach2_ = 12 * (squared / field_.mass - (sum / field_.mass).squaredNorm()) / std::pow(double(field_.k), 2.0 / 3);

@@ -375,7 +375,7 @@ double Objective::fallen2(const float* gradient) const {
   Eigen::Vector3d pull = Eigen::Vector3d::Zero();
   double mass = 0;
   for (std::uint32_t j = 0; j < field->k; ++j) {
-    const double one = double(field->functions[j].one);
+    const double one = field->oneOf(j);
     pull += one * Eigen::Map<const Eigen::Vector3f>(gradient + 4 * j).cast<double>();
     mass += one * one;
   }

@@ -175,7 +175,7 @@ struct Minimand {
   TouchLanes* lanes = nullptr;           ///< where they are evaluated; null: there are none
   MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
-  std::span<double> elastic;             ///< of the pieces where the minimization has come to, J; the same
+  std::span<double> elastic;             ///< of these where the minimization has come to, J
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
   std::span<Pairs* const> own_pairs;     ///< of each piece (takeOwn()); none of one piece alone
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing

@@ -40,7 +40,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     if (!touches(field, point)) continue;
     Vector3d old = step.center;
     for (std::uint32_t j = 0; j < field.k; ++j) {
-      old += valueAt(field, point, j) * (piece.state.z[j] - double(field.functions[j].one) * step.center);
+      old += valueAt(field, point, j) * (piece.state.z[j] - field.oneOf(j) * step.center);
     }
     const PickSpring spring = springOf(piece, pick, step.stiffness);
     if (!(spring.kappa > 0)) continue;
@@ -70,7 +70,7 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
   // The matrix is symmetric: its row i is what coefficient i pulls.
   for (std::uint32_t i = 0; i < field.k; ++i) {
     const float* const row = field.tethers + std::size_t(field.k) * i;
-    const Vector3d arm = double(step.stiffness) * (z.row(i).transpose() - double(field.functions[i].one) * step.center);
+    const Vector3d arm = double(step.stiffness) * (z.row(i).transpose() - field.oneOf(i) * step.center);
     for (std::size_t j = 0; j < pull.size(); ++j) pull[j] += double(row[j]) * arm;
   }
 }
@@ -113,7 +113,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     Vector3d pull = step.center - target;
     for (std::uint32_t j = 0; j < k; ++j) {
       row[j] = phi(j);
-      pull += row[j] * (y.row(j).transpose() - double(field.functions[j].one) * step.center);
+      pull += row[j] * (y.row(j).transpose() - field.oneOf(j) * step.center);
     }
     pull *= kappa;
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += row[j] * pull;
@@ -149,7 +149,7 @@ void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<co
       if (set == formats::kNone) return;
       Vector3d at = step.center;
       for (std::uint32_t j = 0; j < field.k; ++j) {
-        at += phi(j) * (piece.state.z[j] - double(field.functions[j].one) * step.center);
+        at += phi(j) * (piece.state.z[j] - field.oneOf(j) * step.center);
       }
       add(body.pin_sets[set], kappa * (at - target), target);
     };

@@ -103,7 +103,7 @@ void restPiece(const Body& body, Piece& piece) {
   const Vector3d position = asVector(body.settings.position).cast<double>();
   PieceState& state = piece.state;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    state.z[j] = rotation * field.restOf(j) + oneOf(field, j) * position;
+    state.z[j] = rotation * field.restOf(j) + field.oneOf(j) * position;
     state.v[j].setZero();
   }
   standStill(state);
@@ -193,7 +193,7 @@ void refresh(Body& body, double part, Asked what) {
     for (const bool moving : {false, true}) {
       if (moving && !all) break;
       for (std::uint32_t j = 0; j < field.k; ++j) {
-        const double one = oneOf(field, j);
+        const double one = field.oneOf(j);
         const Vector3d row = moving ? Vector3d(left * state.v_before[j] + part * state.v[j])
                                     : Vector3d(left * (onward * (state.z_before[j] - one * before)) +
                                                part * (back * (state.z[j] - one * now)));
@@ -276,7 +276,7 @@ void project(Body& body, bool touching) {
         for (std::uint32_t j = field.driven; j < field.k; ++j) to[j] += more[j];
       }
       if (moving) continue;
-      for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
+      for (std::uint32_t j = 0; j < field.k; ++j) to[j] += field.oneOf(j) * center;
     }
     standStill(state);
     state.elastic = -1;

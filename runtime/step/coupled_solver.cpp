@@ -150,7 +150,7 @@ class CoupledSolver final : public BodySolver {
   void push(const PickedPoint& point, const Vector3d& impulse) override {
     const double whole = double(body_.package().info().total_mass);
     change([&](const Field& field, std::uint32_t j, const Vector3d&) {
-      const double part = point.weight[0] != 0 ? valueAt(field, point, j) : oneOf(field, j) / whole;
+      const double part = point.weight[0] != 0 ? valueAt(field, point, j) : field.oneOf(j) / whole;
       return Vector3d(part * impulse);
     });
   }
@@ -176,7 +176,7 @@ class CoupledSolver final : public BodySolver {
 
   void addMotion(const Vector3d& linear, const Vector3d& angular, const Vector3d& about) override {
     change([&](const Field& field, std::uint32_t j, const Vector3d& z) {
-      const double one = oneOf(field, j);
+      const double one = field.oneOf(j);
       return Vector3d(one * linear + angular.cross(Vector3d(z - one * about)));
     });
   }
@@ -185,7 +185,7 @@ class CoupledSolver final : public BodySolver {
     for (Piece& piece : body_.pieces) {
       PieceState& state = piece.state;
       for (std::uint32_t j = 0; j < state.z.size(); ++j) {
-        const double one = double(piece.field().functions[j].one);
+        const double one = piece.field().oneOf(j);
         for (auto* array : {&state.z, &state.z_before, &state.z_rest}) {
           (*array)[j] = rotation * (*array)[j] + one * translation;
         }

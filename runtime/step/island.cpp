@@ -47,7 +47,7 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
   systems.reserve(members);
   own_pairs.reserve(members);
   values.reserve(members);
-  for (Array<double>* array : {&elastic, &predicted, &stored}) array->reserve(members);
+  for (Array<double>* array : {&elastic, &predicted}) array->reserve(members);
   touches.reserve(touch_count);
   rows.reserve(2 * touch_count);
   lanes.reserve(members, std::bit_ceil(size.pairs), std::bit_ceil(size.packs), std::bit_ceil(size.rows));
@@ -227,14 +227,8 @@ void Island::solve(std::uint32_t iterations) {
   minimand_.press(s.d.data());
   Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
   minimand_.comeTo();
-  // What shapes store at the prediction, and stored before the step: less than nothing where that is not known.
-  Array<double>&predicted = scratch_.predicted, &stored = scratch_.stored;
-  predicted.clear();
-  stored.clear();
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    predicted.push_back(minimand_.elastic[i]);
-    stored.push_back(piece(i).stands() ? predicted[i] : piece(i).stored());
-  }
+  Array<double>& predicted = scratch_.predicted;
+  predicted.assign(minimand_.elastic);
   const bool all_near = near_ == members_.size();
   if (near_ == 0 || all_near) scratch_.rigid.make(minimand_);
   bool last_taken = true;  // touches are as they are at s.d
@@ -258,7 +252,7 @@ void Island::solve(std::uint32_t iterations) {
         std::fill_n(next, 4 * piece(i).field().k, 0.0F);
         differs = true;
       }
-      const double own = old ? stored[i] : predicted[i];
+      const double own = old && !piece(i).stands() ? piece(i).stored() : predicted[i];
       known = known && own >= 0;
       elastic += own;
     }

@@ -39,8 +39,7 @@ struct IslandScratch {
         rows(memory),
         values(memory),
         elastic(memory),
-        predicted(memory),
-        stored(memory) {}
+        predicted(memory) {}
   /// Room for islands of at most this size, among so many steps.
   void reserve(std::size_t steps, const IslandSize& size);
 
@@ -54,7 +53,7 @@ struct IslandScratch {
   TouchLanes lanes;
   Array<TouchRow> rows;
   Array<Objective::Value> values;
-  Array<double> elastic, predicted, stored;  ///< J
+  Array<double> elastic, predicted;  ///< J: that the shapes store, as Minimand has it and at the prediction
 };
 
 /// The pieces of an island.

@@ -61,7 +61,7 @@ void PieceStep::becomePermanent() {
 void PieceStep::keepMomentum(CoefficientMap& z, CoefficientMap& v) const {
   const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
   const Vector3d center = center_ + dragged_, astray = meanOf(field_, at) - center;
-  for (std::uint32_t j = 0; j < k_; ++j) z.row(j) -= (oneOf(field_, j) * astray).transpose();
+  for (std::uint32_t j = 0; j < k_; ++j) z.row(j) -= (field_.oneOf(j) * astray).transpose();
   const Vector3d velocity = meanOf(field_, moving), lacking = rigid_velocity_ - velocity;
   // Angular momentum: what it was, less what the air took.
   Vector3d wanted = angularMomentumBefore() * std::exp(-double(settings_.damping) * h_);
@@ -69,8 +69,8 @@ void PieceStep::keepMomentum(CoefficientMap& z, CoefficientMap& v) const {
   const Vector3d found = angularMomentum(field_, at, moving, center, velocity);
   const Vector3d turn = solved(inertiaOf(field_, at, center), wanted - found);
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
-    v.row(j) += (oneOf(field_, j) * lacking + turn.cross(arm)).transpose();
+    const Vector3d arm = z.row(j).transpose() - field_.oneOf(j) * center;
+    v.row(j) += (field_.oneOf(j) * lacking + turn.cross(arm)).transpose();
   }
 }
 
@@ -90,8 +90,8 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
   const Vector3d omega = solved(inertiaOf(field_, at, center), angularMomentum(field_, at, moving, center, velocity));
   double whole = 0, deforming = 0;
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
-    const Vector3d own = v.row(j).transpose() - oneOf(field_, j) * velocity;
+    const Vector3d arm = z.row(j).transpose() - field_.oneOf(j) * center;
+    const Vector3d own = v.row(j).transpose() - field_.oneOf(j) * velocity;
     whole += 0.5 * own.squaredNorm();
     deforming += 0.5 * (own - omega.cross(arm)).squaredNorm();
   }
@@ -105,8 +105,8 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
   const double left = std::max(0.0, state.budget - state.elastic - (whole - deforming));
   const double kept = std::sqrt(std::min(1.0, left / deforming));
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
-    const Vector3d rigid = oneOf(field_, j) * velocity + omega.cross(arm);
+    const Vector3d arm = z.row(j).transpose() - field_.oneOf(j) * center;
+    const Vector3d rigid = field_.oneOf(j) * velocity + omega.cross(arm);
     v.row(j) = (rigid + kept * (v.row(j).transpose() - rigid)).transpose();
   }
 }
@@ -141,7 +141,7 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   const auto kinetic = [&](const ConstCoefficientMap& of) {
     double sum = 0;
     for (std::uint32_t j = 0; j < k_; ++j) {
-      sum += 0.5 * (of.row(j).transpose() - oneOf(field_, j) * carried).squaredNorm();
+      sum += 0.5 * (of.row(j).transpose() - field_.oneOf(j) * carried).squaredNorm();
     }
     return sum;
   };
@@ -162,11 +162,11 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   // The energy that a part s of it brings is a s + b s^2.
   double a = 0, b = 0;
   const auto added = [&](std::uint32_t j) {
-    const double one = oneOf(field_, j);
+    const double one = field_.oneOf(j);
     return Vector3d(one / field_.mass * impulse + turn.cross(Vector3d(z.row(j).transpose() - one * center)));
   };
   for (std::uint32_t j = 0; j < k_; ++j) {
-    a += added(j).dot(v.row(j).transpose() - oneOf(field_, j) * carried);
+    a += added(j).dot(v.row(j).transpose() - field_.oneOf(j) * carried);
     b += 0.5 * added(j).squaredNorm();
   }
   const double part =

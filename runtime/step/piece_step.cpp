@@ -84,7 +84,7 @@ bool PieceStep::findForces() {
     for (std::uint32_t j = 0; j < k_; ++j) {
       const double part = force.point.weight[0] != 0 ? valueAt(field_, force.point, j)
                           : j < field_.driven        ? field_.driven_mass[j] / whole
-                                                     : oneOf(field_, j) / whole;
+                                                     : field_.oneOf(j) / whole;
       s_.forces[j] += part * pull;
     }
   }
@@ -164,14 +164,14 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.map = body_.rest().depthsOf(field_.piece);
   result.base = s_.base.data();
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d old = piece_.state.z[j] - oneOf(field_, j) * center_;
+    const Vector3d old = piece_.state.z[j] - field_.oneOf(j) * center_;
     for (std::uint32_t c = 0; c < 4; ++c) before[4 * j + c] = c < 3 ? float(old[int(c)]) : 0;
   }
   result.before = before.data();
   result.center = center_;
   result.center_before = (rigid_.center - center_).cast<float>();
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d way = s_.prediction[j] - piece_.state.z[j] - oneOf(field_, j) * (center_ - rigid_.center);
+    const Vector3d way = s_.prediction[j] - piece_.state.z[j] - field_.oneOf(j) * (center_ - rigid_.center);
     result.stirring += piece_.reach()[j] * float(way.norm());
   }
   const ConstCoefficientMap now = std::as_const(piece_).z();
@@ -245,9 +245,9 @@ void PieceStep::add(const Vector3d& way, const Vector3d& velocity, const Vector3
   if (stands()) return;
   CoefficientMap z = piece_.z(), v = piece_.v();
   for (std::uint32_t j = 0; j < k_; ++j) {
-    z.row(j) += oneOf(field_, j) * way.transpose();
-    const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * about;
-    v.row(j) += (oneOf(field_, j) * velocity + omega.cross(arm)).transpose();
+    z.row(j) += field_.oneOf(j) * way.transpose();
+    const Vector3d arm = z.row(j).transpose() - field_.oneOf(j) * about;
+    v.row(j) += (field_.oneOf(j) * velocity + omega.cross(arm)).transpose();
   }
 }
 
@@ -397,7 +397,7 @@ void PieceStep::predict() {
       s_.predicted_velocity[j] = (target - z.row(j).transpose()) / h_;
       continue;
     }
-    const double one = oneOf(field_, j);
+    const double one = field_.oneOf(j);
     const double rate = damping * double(field_.functions[j].damping_hz) + double(field_.functions[j].decay);
     const double kept = air * std::exp(-rate * h_);
     const Vector3d arm = z.row(j).transpose() - one * rigid_.center;
@@ -432,7 +432,7 @@ void PieceStep::addForces() {
   for (std::uint32_t j = field_.driven; j < k_; ++j) {
     Vector3d rest = s_.forces[j];
     if (field_.driven == 0) {
-      const double one = oneOf(field_, j);
+      const double one = field_.oneOf(j);
       rest -= one * forced_mean_ + spin.cross(Vector3d(z.row(j).transpose() - one * rigid_.center));
     }
     s_.prediction[j] += h_ * h_ * rest;
@@ -442,7 +442,7 @@ void PieceStep::addForces() {
 
 [[gnu::noinline]] void PieceStep::setBase() {
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const double one = oneOf(field_, j);
+    const double one = field_.oneOf(j);
     for (std::uint32_t c = 0; c < 3; ++c) {
       s_.base[4 * j + c] = float(s_.prediction[j][int(c)] - one * center_[int(c)]);
     }
@@ -527,7 +527,7 @@ void PieceStep::solve() {
   for (std::uint32_t j = field_.driven; j < k_; ++j) {
     const Vector3d z = piece_.state.z[j];
     const Vector3d moved =
-        stays ? z : Vector3d(oneOf(field_, j) * center_ + turn_ * (z - oneOf(field_, j) * rigid_.center));
+        stays ? z : Vector3d(field_.oneOf(j) * center_ + turn_ * (z - field_.oneOf(j) * rigid_.center));
     setOffset(s_.next.data(), j, moved - s_.prediction[j]);
   }
   const auto takeOld = [&](const Objective::Value& old) {

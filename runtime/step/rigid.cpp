@@ -18,10 +18,10 @@ Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
   Vector3d even = Vector3d::Zero(), odd = even;
   std::uint32_t j = 0;
   for (; j + 1 < field.k; j += 2) {
-    even += oneOf(field, j) * z.row(j).transpose();
-    odd += oneOf(field, j + 1) * z.row(j + 1).transpose();
+    even += field.oneOf(j) * z.row(j).transpose();
+    odd += field.oneOf(j + 1) * z.row(j + 1).transpose();
   }
-  if (j < field.k) even += oneOf(field, j) * z.row(j).transpose();
+  if (j < field.k) even += field.oneOf(j) * z.row(j).transpose();
   return (even + odd) / field.ones;
 }
 
@@ -29,8 +29,8 @@ Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const
                          const Vector3d& center, const Vector3d& velocity) {
   Vector3d sum = Vector3d::Zero();
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
-    sum += arm.cross(Vector3d(v.row(j).transpose() - oneOf(field, j) * velocity));
+    const Vector3d arm = z.row(j).transpose() - field.oneOf(j) * center;
+    sum += arm.cross(Vector3d(v.row(j).transpose() - field.oneOf(j) * velocity));
   }
   return sum;
 }
@@ -39,7 +39,7 @@ Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vecto
   // Six sums that stay in registers.
   double xx = 0, yy = 0, zz = 0, xy = 0, yz = 0, zx = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    const double one = oneOf(field, j);
+    const double one = field.oneOf(j);
     const double x = z(j, 0) - one * center[0], y = z(j, 1) - one * center[1], t = z(j, 2) - one * center[2];
     xx += x * x;
     yy += y * y;
@@ -64,8 +64,8 @@ Vector3d solved(const Matrix3d& a, const Vector3d& b) {
 Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
   Matrix3d sum = Matrix3d::Zero();
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    sum += Vector3d(z.row(j).transpose() - oneOf(field, j) * center) *
-           (field.restOf(j) - oneOf(field, j) * field.rest_center).transpose();
+    sum += Vector3d(z.row(j).transpose() - field.oneOf(j) * center) *
+           (field.restOf(j) - field.oneOf(j) * field.rest_center).transpose();
   }
   return geometry::nearestRotation(sum);
 }

@@ -12,8 +12,6 @@ namespace sinew::internal {
 /// Rotation by an angle vector, rad.
 Matrix3d turnBy(const Vector3d& angle);
 
-inline double oneOf(const Field& field, std::uint32_t j) { return field.oneOf(j); }
-
 /// sum m x over the mass: exact where the field is orthonormal, the free one.
 Vector3d meanOf(const Field& field, const ConstCoefficientMap& z);
 /// About a centre that moves with `velocity`, kg m^2/s.

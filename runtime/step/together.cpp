@@ -66,7 +66,7 @@ Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& 
       if (later && !(h > 0)) break;
       std::array<float, 1024> along;
       for (std::uint32_t j = 0; j < field.k; ++j) {
-        const double one = oneOf(field, j);
+        const double one = field.oneOf(j);
         double x = piece.state.z[j][axis] - one * center[axis];
         if (later) x += h * (piece.state.v[j][axis] + one * h * gravity[axis]);
         along[j] = float(x);
