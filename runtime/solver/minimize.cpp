@@ -103,7 +103,6 @@ PushForce rubForce(const Push& push, float load) {
   return {float(rub.scale) * slide, rub.energy};
 }
 
-float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 float loadOf(const Push& push) { return push.kappa * std::max(0.0F, -gapOf(push)); }
 
 /// Friction takes the load at the push's way. \return change of its force: none where it sticks
@@ -527,7 +526,7 @@ bool Minimand::renew(const float* d, const float* next_gradient, const float* di
   const auto renews = [&](std::uint32_t piece) { return piece < pieces.size() && pieces[piece]->renews; };
   for (TouchLink& touch : touches) {
     const bool counts =
-        pushing_only ? lanes->gap(touch.slot) < 0 : renews(touch.a) || renews(touch.b) || touch.firm > 0;
+        pushing_only ? pushes(touch) : renews(touch.a) || renews(touch.b) || touch.firm > 0;
     const float firm = counts ? touch.kappa : 0;
     if (firm == touch.firm) continue;
     touch.firm = firm;
@@ -556,7 +555,7 @@ bool Minimand::renew(const float* d, const float* next_gradient, const float* di
     for (TouchRow& row : piece.touch_rows) row.firm = touches[row.touch].firm;
     useSystemAt(piece, *systems[i], d + first[i]);
   });
-  if (rigid != nullptr) rigid->make(*this);
+  if (rigid != nullptr) rigid->make(*this, true);
   return true;
 }
 

@@ -32,6 +32,9 @@ struct Push {
   Eigen::Vector3f way;     ///< from the prediction to where its point was last evaluated, m
 };
 
+/// Height above its floor at its way, m: it pushes where this is negative.
+inline float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
+
 /// The energy's derivative by the way of a push's point, the force on what pushes, and the energy itself.
 struct PushForce {
   Eigen::Vector3f pull = Eigen::Vector3f::Zero();  ///< N
@@ -206,6 +209,9 @@ struct Minimand {
   double unsettled2(const float* direction, const float* d) const;
   /// The same of Objective::fallen2(), of pieces that no touch pushes either.
   double fallen2(const float* gradient, const float* d) const;
+  /// Whether a touch pushed where last evaluated.
+  bool pushes(const TouchLink& touch) const { return lanes->gap(touch.slot) < 0; }
+  bool pushes(const TouchRow& row) const { return pushes(touches[row.touch]); }
   /// Matrices become those of the shape at d: where contacts and touches count that are near but do not push there if
   /// `pushing_only`, which then count no more; else of the pieces along whose part of `direction` the slope has turned
   /// round. Their pairs end. \return whether there are any that were not made there already
@@ -215,8 +221,6 @@ struct Minimand {
   /// Objective::settled2() of a piece at d.
   double settled2(std::uint32_t piece, const float* d) const;
   bool isAlone() const { return pieces.size() == 1 && touches.empty(); }
-  /// Whether a touch pushed where last evaluated.
-  bool pushes(const TouchRow& row) const { return lanes->gap(touches[row.touch].slot) < 0; }
 };
 
 /// L-BFGS about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where the

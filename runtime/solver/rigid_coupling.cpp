@@ -70,7 +70,8 @@ void RigidCoupling::reserve(std::size_t pieces, std::size_t touches) {
   blocks_.reserve(pieces);
 }
 
-RigidCoupling::Block RigidCoupling::ownBlock(const Objective& objective) {
+void RigidCoupling::findBlocks(const Minimand& minimand, bool pushing_only, const Objective& objective, Block& d,
+                               Block& a) {
   const Field& field = *objective.field;
   const std::uint32_t k = field.k;
   Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
@@ -96,21 +97,27 @@ RigidCoupling::Block RigidCoupling::ownBlock(const Objective& objective) {
     }
     gram += sum * armOf(i).transpose();
   }
+  Eigen::Matrix4d idle = Eigen::Matrix4d::Zero();  // of it what A leaves out
+  const auto add = [&](float firm, const Eigen::Vector4d& at, bool pushes) {
+    const Eigen::Matrix4d own = double(firm) * at * at.transpose();
+    gram += own;
+    if (pushing_only && !pushes) idle += own;
+  };
   for (const Contact& contact : objective.scratch->contacts) {
-    const Eigen::Vector4d at = momentsOf(field, contact.phi);
-    gram += double(contact.firm) * at * at.transpose();
+    add(contact.firm, momentsOf(field, contact.phi), gapOf(contact) < 0);
   }
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
   turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
     const Eigen::Vector4d at = momentsOf(field, touch.phi);
-    gram += double(touch.firm) * at * at.transpose();
+    add(touch.firm, at, minimand.pushes(touch));
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
-  return blockOf(turn * gram * turn.transpose());
+  d = blockOf(turn * gram * turn.transpose());
+  a = blockOf(turn * (gram - idle) * turn.transpose());
 }
 
-void RigidCoupling::make(const Minimand& minimand) {
+void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
   nodes_.clear();
   couplings_.clear();
   moments_.resize(2 * minimand.touches.size());
@@ -123,8 +130,9 @@ void RigidCoupling::make(const Minimand& minimand) {
   }
   forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
     Node& node = nodes_[n];
-    node.inverse = ownBlock(*minimand.pieces[node.piece]);
-    if (!invert(node.inverse, node.own)) node.own.setZero();
+    Block d;
+    findBlocks(minimand, pushing_only, *minimand.pieces[node.piece], d, node.inverse);
+    if (!invert(d, node.own)) node.own.setZero();
   });
   // Of touches, by the nodes that they couple.
   const auto keyOf = [&](const TouchLink& touch) {
@@ -145,7 +153,7 @@ void RigidCoupling::make(const Minimand& minimand) {
   Coupling* coupling = nullptr;
   for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
     const TouchLink& touch = minimand.touches[i];
-    if (!couples(touch)) continue;
+    if (!couples(touch) || (pushing_only && !minimand.pushes(touch))) continue;
     const std::uint64_t key = keyOf(touch);
     if (coupling == nullptr || coupling->key != key) coupling = find(key);
     const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];

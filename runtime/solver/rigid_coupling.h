@@ -16,18 +16,19 @@ struct Minimand;
 struct Objective;
 
 /// The first matrices B of pieces are not coupled: alone they leave it to iterations to carry forces through a stack,
-/// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R its
-/// diagonal blocks, the first matrix has the inverse B^-1 + R (A^-1 - D^-1) R^T. It is positive: g^T B^-1 g >= (R^T
-/// g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005, ch. 2). A is factored as L S L^T
-/// without fill, which is exact for a chain.
+/// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R, blocks on
+/// a diagonal, the first matrix has the inverse B^-1 + R (A^-1 - D^-1) R^T. It is positive, whatever A is: g^T B^-1 g >=
+/// (R^T g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005, ch. 2). B counts all that is
+/// near; A may know better. A is factored as L S L^T without fill, which is exact for a chain.
 class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
 
   /// Memory for so many pieces.
   void reserve(std::size_t pieces, std::size_t touches);
+  /// \param pushing_only of contacts and touches A has those that pushed where last evaluated; else those that B has.
   /// \pre frames and systems are made
-  void make(const Minimand& minimand);
+  void make(const Minimand& minimand, bool pushing_only);
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);
   /// Adds R (A^-1 - D^-1) times the result of take().
@@ -48,8 +49,8 @@ class RigidCoupling {
     std::uint64_t key;  ///< earlier node << 32 | later one
     Block block;        ///< of A, later row; then of L
   };
-  /// Its block of D; and the moments of its rows.
-  Block ownBlock(const Objective& objective);
+  /// Blocks of D and A, and the moments of the piece's rows.
+  void findBlocks(const Minimand& minimand, bool pushing_only, const Objective& objective, Block& d, Block& a);
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();

@@ -230,15 +230,14 @@ void Island::solve(std::uint32_t iterations) {
   Array<double>& predicted = scratch_.predicted;
   predicted.assign(minimand_.elastic);
   const bool all_near = near_ == members_.size();
-  if (near_ == 0 || all_near) scratch_.rigid.make(minimand_);
   bool last_taken = true;  // touches are as they are at s.d
   bool stale = false;      // the gradient is not the one there
   if (near_ > 0) {
     const Minimand near = all_near ? minimand_ : nearImpacts();
+    scratch_.rigid.make(near, false);
     stale = startRigid(near, all_near ? value : near.at(s.d.data(), s.gradient.data(), false), value);
     last_taken = false;
     scratch_.lanes.useFirst(std::uint32_t(scratch_.lanes.pairs().size()));
-    if (!all_near) scratch_.rigid.make(minimand_);
   }
   for (const bool all : {true, false}) {
     bool differs = all, known = true;
@@ -277,14 +276,17 @@ void Island::solve(std::uint32_t iterations) {
       scratch_.lanes.evaluate(s.d.data(), minimand_.first, jobs_);
     }
   }
+  scratch_.rigid.make(minimand_, true);
   s.pairs.start(size);
   minimize(minimand_, s.pairs, (all_near ? kImpact : 1) * 2 * iterations, value);
   if (near_ == 0 || all_near) return;
   Minimand near = nearImpacts();
   // Trials have the others where they are.
   std::copy(s.d.data() + near.size, s.d.data() + size, s.next.data() + near.size);
+  value = near.at(s.d.data(), s.gradient.data(), false);
+  scratch_.rigid.make(near, true);
   s.pairs.start(near.size);
-  minimize(near, s.pairs, (kImpact - 1) * 2 * iterations, near.at(s.d.data(), s.gradient.data(), false));
+  minimize(near, s.pairs, (kImpact - 1) * 2 * iterations, value);
 }
 
 // Else the skin is stopped first, and they are drawn out to many times their length.
@@ -327,7 +329,6 @@ Minimand Island::nearImpacts() {
   }
   near.order = {order.data(), order.size()};
   scratch_.lanes.useFirst(near_pairs_);
-  scratch_.rigid.make(near);
   return near;
 }
 
