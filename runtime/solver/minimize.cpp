@@ -474,6 +474,8 @@ double Minimand::heldByContacts(const float* direction) const {
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     const Objective& piece = *pieces[i];
     double& held = values[i].total;
+    held = 0;
+    if (rigid->frees(i)) return;
     held = piece.heldByContacts(direction + first[i]);
     for (const TouchRow& row : piece.touch_rows) {
       if (pushes(row)) continue;
@@ -504,6 +506,7 @@ double Minimand::unsettled2(const float* direction, const float* d) const {
 double Minimand::fallen2(const float* gradient, const float* d) const {
   double most = 0;
   for (std::uint32_t i = 0; i < pieces.size(); ++i) {
+    if (rigid != nullptr && rigid->frees(i)) continue;
     const auto rows = pieces[i]->touch_rows;
     if (std::any_of(rows.begin(), rows.end(), [this](const TouchRow& row) { return pushes(row); })) continue;
     most = std::max(most, pieces[i]->fallen2(gradient + first[i]) / settled2(i, d));
@@ -525,8 +528,7 @@ bool Minimand::renew(const float* d, const float* next_gradient, const float* di
   for (Objective* piece : pieces) piece->renews = !pushing_only && (some ? piece->renews : !piece->renewed);
   const auto renews = [&](std::uint32_t piece) { return piece < pieces.size() && pieces[piece]->renews; };
   for (TouchLink& touch : touches) {
-    const bool counts =
-        pushing_only ? pushes(touch) : renews(touch.a) || renews(touch.b) || touch.firm > 0;
+    const bool counts = pushing_only ? pushes(touch) : renews(touch.a) || renews(touch.b) || touch.firm > 0;
     const float firm = counts ? touch.kappa : 0;
     if (firm == touch.firm) continue;
     touch.firm = firm;

@@ -202,7 +202,7 @@ struct Minimand {
   /// \param from, to, gradient, next_gradient as in Pairs::take(), the last before rub().
   void takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const;
   bool hasFriction() const;
-  /// Objective::heldByContacts() of all, and of the touches.
+  /// Objective::heldByContacts() of those that `rigid` does not free, and of their touches.
   double heldByContacts(const float* direction) const;
   /// The largest squared length of a piece's part of a direction, times what changes nothing of it at d: a light piece
   /// is to settle as well as a heavy one.

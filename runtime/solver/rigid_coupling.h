@@ -17,9 +17,9 @@ struct Objective;
 
 /// The first matrices B of pieces are not coupled: alone they leave it to iterations to carry forces through a stack,
 /// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R, blocks on
-/// a diagonal, the first matrix has the inverse B^-1 + R (A^-1 - D^-1) R^T. It is positive, whatever A is: g^T B^-1 g >=
-/// (R^T g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005, ch. 2). B counts all that is
-/// near; A may know better. A is factored as L S L^T without fill, which is exact for a chain.
+/// a diagonal, the first matrix has the inverse B^-1 + R (A^-1 - D^-1) R^T. It is positive, whatever A is: g^T B^-1 g
+/// >= (R^T g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005, ch. 2). B counts all that
+/// is near; A may know better. A is factored as L S L^T without fill, which is exact for a chain.
 class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
@@ -29,6 +29,8 @@ class RigidCoupling {
   /// \param pushing_only of contacts and touches A has those that pushed where last evaluated; else those that B has.
   /// \pre frames and systems are made
   void make(const Minimand& minimand, bool pushing_only);
+  /// Whether nothing but what pushes holds a piece as a whole. \pre made of what pushes alone
+  bool frees(std::uint32_t piece) const { return node_of_[piece] != formats::kNone; }
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);
   /// Adds R (A^-1 - D^-1) times the result of take().
