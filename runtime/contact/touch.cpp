@@ -43,21 +43,42 @@ void setRow(const Field& field, const MaterialPoint& at, float* row) {
   }
 }
 
-/// Deformation gradient of the tetrahedron that has a material point, which the piece's map has located.
-Matrix3f gradientAt(const TouchingPiece& piece, const MaterialPoint& at) {
-  const Field& field = *piece.field;
-  std::array<Eigen::Array4f, 4> now;
-  now.fill(Eigen::Array4f::Zero());
-  std::array<const float*, 4> values;
-  for (std::size_t c = 0; c < 4; ++c) values[c] = field.valuesAt(at.vertex[c] - field.first_vertex);
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    const auto coefficient = Eigen::Array4f::Map(piece.base + 4 * j);
-    for (std::size_t c = 0; c < 4; ++c) now[c] += values[c][8 * j] * coefficient;
+/// Places of a piece's vertices at the prediction, as they are asked for: what touches asks for the same few again.
+class Corners {
+ public:
+  explicit Corners(const TouchingPiece& piece) : piece_(piece) { vertices_.fill(formats::kNone); }
+
+  Vector3f placeOf(const MaterialPoint& at) {
+    Eigen::Array4f sum = at.weight[0] * place(at.vertex[0]);
+    for (std::size_t c = 1; c < 4; ++c) sum += at.weight[c] * place(at.vertex[c]);
+    return sum.matrix().head<3>();
   }
-  Matrix3f sides;
-  for (std::size_t c = 0; c < 3; ++c) sides.col(int(c)) = (now[c] - now[3]).matrix().head<3>();
-  return sides * piece.map->restSidesInverse(at);
-}
+
+  /// Deformation gradient of the tetrahedron that has a material point, which the piece's map has located.
+  Matrix3f gradientAt(const MaterialPoint& at) {
+    const Eigen::Array4f last = place(at.vertex[3]);
+    Matrix3f sides;
+    for (std::size_t c = 0; c < 3; ++c) sides.col(int(c)) = (place(at.vertex[c]) - last).matrix().head<3>();
+    return sides * piece_.map->restSidesInverse(at);
+  }
+
+ private:
+  const Eigen::Array4f& place(std::uint32_t vertex) {
+    const std::size_t slot = vertex % kSlots;
+    if (vertices_[slot] == vertex) return places_[slot];
+    const Field& field = *piece_.field;
+    const float* const values = field.valuesAt(vertex - field.first_vertex);
+    Eigen::Array4f sum = Eigen::Array4f::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) sum += values[8 * j] * Eigen::Array4f::Map(piece_.base + 4 * j);
+    vertices_[slot] = vertex;
+    return places_[slot] = sum;
+  }
+
+  static constexpr std::size_t kSlots = 64;
+  const TouchingPiece& piece_;
+  std::array<std::uint32_t, kSlots> vertices_;
+  std::array<Eigen::Array4f, kSlots> places_;
+};
 
 /// Takes back ways of the bent body to its rest shape: (F^T F + e^2 I)^-1 F^T. The inverse of F would take a way across
 /// what lies pressed flat as far as it likes; this one lengthens none by more than 1 / 2e (Tikhonov 1963).
@@ -153,12 +174,16 @@ namespace {
 
 bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); }
 
-std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> known, const TouchingPiece& a,
-                                       const TouchingPiece& b) {
-  const TouchMemory first = {a.body, a.piece, b.body, b.piece, 0, 0, 0, 0, {}, {}};
-  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, 0, {}, {}};
+/// Those that lie between two keys.
+std::span<const TouchMemory> touchesBetween(std::span<const TouchMemory> known, const TouchMemory& first,
+                                            const TouchMemory& end) {
   const auto begin = std::lower_bound(known.begin(), known.end(), first, comesBefore);
   return {begin, std::lower_bound(begin, known.end(), end, comesBefore)};
+}
+
+std::span<const TouchMemory> touchesOf(const TouchingPiece& a, const TouchingPiece& b) {
+  return touchesBetween(a.known, {a.body, a.piece, b.body, b.piece, 0, 0, 0, 0, {}, {}},
+                        {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, 0, {}, {}});
 }
 
 Eigen::Map<const Vector3f> outwardOf(const TouchMemory& touch) {
@@ -180,7 +205,8 @@ class TouchSearch {
         travel_(b.center_before - a.center_before),
         is_fast_(&a != &b && travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
         low_(b.low.array() - (b.map->bulge() + margin_)),
-        high_(b.high.array() + (b.map->bulge() + margin_)) {}
+        high_(b.high.array() + (b.map->bulge() + margin_)),
+        corners_(b) {}
 
   /// Anywhere on the way.
   bool areNear() const {
@@ -190,8 +216,8 @@ class TouchSearch {
   }
 
   /// Takes in what all touches of the step before were.
-  void remember(std::span<const TouchMemory> known) {
-    known_ = touchesOf(known, a_, b_);
+  void remember() {
+    known_ = touchesOf(a_, b_);
     if (isItself()) {
       sortPoints();
       return;
@@ -199,7 +225,7 @@ class TouchSearch {
     // The way that the two pushed each other apart, by how deep they were.
     Vector3f way = Vector3f::Zero();
     for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
-    for (const TouchMemory& touch : touchesOf(known, b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
+    for (const TouchMemory& touch : touchesOf(b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
     if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
   }
 
@@ -276,7 +302,7 @@ class TouchSearch {
     MaterialPoint material;
     for (int round = 0; round < 2 * kRounds; ++round) {
       if (!b_.map->locate(place, material)) return false;
-      const Vector3f left_over = leftOver(at, b_.base, material);
+      const Vector3f left_over = at - corners_.placeOf(material);
       const bool small = isSmall(left_over);
       Matrix3f back = b_.turn.transpose();
       if ((isItself() || (round > 0 && !small)) && !takesBack(material, back)) return false;
@@ -287,12 +313,12 @@ class TouchSearch {
   }
 
   /// Inverse of b's deformation gradient. \return false where it has none.
-  bool takesBack(const Vector3f& place, Matrix3f& back) const {
+  bool takesBack(const Vector3f& place, Matrix3f& back) {
     MaterialPoint material;
     return b_.map->locate(place, material) && takesBack(material, back);
   }
-  bool takesBack(const MaterialPoint& material, Matrix3f& back) const {
-    const Matrix3f gradient = gradientAt(b_, material);
+  bool takesBack(const MaterialPoint& material, Matrix3f& back) {
+    const Matrix3f gradient = corners_.gradientAt(material);
     if (!(gradient.determinant() > 0)) return false;
     back = gradient.inverse();
     return back.allFinite();
@@ -409,6 +435,7 @@ class TouchSearch {
 
   /// From a material point to a place.
   Vector3f leftOver(const Vector3f& at, const float* base, const MaterialPoint& material) {
+    if (base == b_.base) return at - corners_.placeOf(material);
     setRow(*b_.field, material, row_.data());
     return at - sumOf(row_.data(), base, b_.field->k);
   }
@@ -457,7 +484,7 @@ class TouchSearch {
     outward = facing;
     touch.place = left_at;
     if (!b_.map->locate(touch.place, material)) return;
-    const Matrix3f gradient = gradientAt(b_, material);
+    const Matrix3f gradient = corners_.gradientAt(material);
     touch.entered = entered;
     const bool upright = gradient.determinant() > 0;
     touch.to_rest = upright ? boundedInverse(gradient) : Matrix3f(b_.turn.transpose());
@@ -472,7 +499,7 @@ class TouchSearch {
     setRow(field_b, material, row_b);
     Touch& t = touch.touch;
     t.normal = normal.normalized();
-    const Vector3f over = at - sumOf(row_b, b_.base, field_b.k);
+    const Vector3f over = at - corners_.placeOf(material);
     const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
     // A point that starts inside finds the surface where it is, and rising: as far as a step brings it out beyond its
@@ -491,8 +518,7 @@ class TouchSearch {
     t.slide = across(motion);
     Vector3f slid = Vector3f::Zero();  // before the step
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
-      setRow(field_b, material, row_.data());
-      slid = across(at - sumOf(row_.data(), b_.base, field_b.k) - motion);
+      slid = across(at - corners_.placeOf(material) - motion);
       // A spring and a dashpot across have slid by no more than friction times what those along the normal are pressed
       // in (docs/method.md §4). What comes to more was carried through a shape that lies flat.
       const float length = slid.norm(), most = t.friction * last->depth;
@@ -550,6 +576,7 @@ class TouchSearch {
   const Vector3f apart_, travel_;
   const bool is_fast_;
   const Vector3f low_, high_;
+  Corners corners_;  ///< of b
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   int axis_ = 0;                     ///< of a.order
   float reach_ = 0;                  ///< of neighbours, m
@@ -577,12 +604,12 @@ void stopInTime(double mass, double diagonal, double h, double c, FoundTouch& fo
 // All points count: a subset would change as bodies sway, and with it the springs
 // (docs/decisions/0017-touch-at-rest.md).
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
-                 std::span<const TouchMemory> known, TouchList& list) {
+                 TouchList& list) {
   if (b.map == nullptr || a.points.empty() || (&a == &b && a.order.empty())) return;
   TouchSearch search(a, b, h, list);
   if (!search.areNear()) return;
   const std::size_t first = list.touches.size();
-  search.remember(known);
+  search.remember();
   search.lookAll();
   for (std::size_t i = first; i < list.touches.size(); ++i) {
     Touch& touch = list.touches[i].touch;
@@ -595,6 +622,10 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
     stopInTime(mass, std::min(a.diagonal, b.diagonal), h, c, list.touches[i]);
     damp(touch, c, h, list.touches[i].before);
   }
+}
+
+std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> touches, std::uint32_t body, std::uint32_t piece) {
+  return touchesBetween(touches, {body, piece, 0, 0, 0, 0, 0, 0, {}, {}}, {body, piece + 1, 0, 0, 0, 0, 0, 0, {}, {}});
 }
 
 TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {

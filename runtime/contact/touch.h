@@ -14,6 +14,16 @@
 
 namespace sinew::internal {
 
+/// The part of a touch that the next step needs.
+struct TouchMemory {
+  std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
+  float floor;                                            ///< Push::floor, m
+  float depth;                                            ///< below that, m; not above 0: it did not push
+  float kappa;                                            ///< Push::kappa, N/m
+  std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
+  std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
+};
+
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
   std::uint32_t body = 0, piece = 0;  ///< BodyId, BODY record
@@ -30,23 +40,14 @@ struct TouchingPiece {
   double weight = 0;  ///< N, with at least kLeastGravity
   double diagonal = 0;
   float stiffness = 1, friction = 0, damping_ratio = 0;
-  std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
+  std::span<const TouchMemory> known;  ///< touches of its points in the last step, sorted
+  std::span<float> points;             ///< x of all, y of all, z of all, relative to the centre
   /// Of what touches itself, else empty: room for one number a point, and for the normals of the bent surface there.
   std::span<std::uint64_t> order;
   std::span<Eigen::Vector3f> normals;
   // By placePoints():
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
   float bent = 0;  ///< how far they are from where a rigid motion has them, at most
-};
-
-/// The part of a touch that the next step needs.
-struct TouchMemory {
-  std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
-  float floor;                                            ///< Push::floor, m
-  float depth;                                            ///< below that, m; not above 0: it did not push
-  float kappa;                                            ///< Push::kappa, N/m
-  std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
-  std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
 };
 
 /// The order of touches.
@@ -93,10 +94,11 @@ void placePoints(TouchingPiece& piece);
 std::size_t pointFloats(const Field& field);
 
 /// Adds the touches of a's points with b, which may be another piece of the same body, or a itself: of these not what
-/// is so at rest. \param index_a, index_b what Touch names the pieces by. \param h of the step, s. \param known of the
-/// last step, sorted.
+/// is so at rest. \param index_a, index_b what Touch names the pieces by. \param h of the step, s.
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
-                 std::span<const TouchMemory> known, TouchList& list);
+                 TouchList& list);
+/// TouchingPiece::known of a piece. \param touches of the last step, sorted.
+std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> touches, std::uint32_t body, std::uint32_t piece);
 
 /// The memory of a touch whose point moved so from the prediction, past the piece that it goes out of. Of a touch that
 /// does not push it is the way out and the place.

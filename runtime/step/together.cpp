@@ -279,6 +279,7 @@ class Together {
     seen.points = room.points;
     seen.order = room.order;
     seen.normals = room.normals;
+    seen.known = touchesOf({s.touching.data(), s.touching.size()}, seen.body, seen.piece);
     placePoints(seen);
   }
 
@@ -349,9 +350,8 @@ class Together {
 
   void lookAt(std::uint64_t pair, TouchList& list) const {
     const std::uint32_t a = scratch_.places[pair >> 32], b = scratch_.places[std::uint32_t(pair)];
-    const std::span<const TouchMemory> known(scratch_.touching.data(), scratch_.touching.size());
-    findTouches(scratch_.seen[a], scratch_.seen[b], a, b, seconds_, known, list);
-    if (a != b) findTouches(scratch_.seen[b], scratch_.seen[a], b, a, seconds_, known, list);
+    findTouches(scratch_.seen[a], scratch_.seen[b], a, b, seconds_, list);
+    if (a != b) findTouches(scratch_.seen[b], scratch_.seen[a], b, a, seconds_, list);
   }
 
   /// By island, members and pairs in their order.

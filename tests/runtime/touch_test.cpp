@@ -376,7 +376,10 @@ struct SeenPiece {
 struct SeenTouches {
   explicit SeenTouches(const SeenPiece& a, const SeenPiece& b, const std::vector<internal::TouchMemory>& known = {})
       : list(std::pmr::get_default_resource()) {
-    internal::findTouches(a.seen, b.seen, 0, 1, double(kStep), known, list);
+    internal::TouchingPiece one = a.seen, other = b.seen;
+    one.known = internal::touchesOf(known, one.body, one.piece);
+    other.known = internal::touchesOf(known, other.body, other.piece);
+    internal::findTouches(one, other, 0, 1, double(kStep), list);
   }
   const internal::FoundTouch* of(std::uint32_t point) const {
     const auto is = [point](const internal::FoundTouch& touch) { return touch.memory.point == point; };
