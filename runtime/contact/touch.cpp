@@ -576,7 +576,7 @@ class TouchSearch {
   const Vector3f apart_, travel_;
   const bool is_fast_;
   const Vector3f low_, high_;
-  Corners corners_;  ///< of b
+  Corners corners_;                  ///< of b
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   int axis_ = 0;                     ///< of a.order
   float reach_ = 0;                  ///< of neighbours, m

@@ -188,7 +188,7 @@ SINEW_INLINE Mat3Of<Float8> stressOf(const FieldEnergyArguments& a, std::uint32_
 }
 
 /// The energy of all samples, and sum P grad phi_j: some packs after the other, so that what they share stays in
-/// registers. \return the energy, J.
+/// registers; not that where nothing is to take it. \return the energy, J.
 [[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
   constexpr std::uint32_t kPacks = 4;
   const std::uint32_t k = a.functions;
@@ -197,6 +197,7 @@ SINEW_INLINE Mat3Of<Float8> stressOf(const FieldEnergyArguments& a, std::uint32_
     const std::uint32_t count = a.pack_count - first < kPacks ? a.pack_count - first : kPacks;
     Mat3Of<Float8> stress[kPacks];
     for (std::uint32_t i = 0; i < count; ++i) stress[i] = stressOf(a, first + i, energy);
+    if (a.gradient == nullptr) continue;
     for (std::uint32_t j = 0; j < k; ++j) {
       float* const lanes = a.lanes + 24 * j;
       Vec3Of<Float8> sum = {};

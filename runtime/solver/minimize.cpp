@@ -399,8 +399,9 @@ Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const 
   Objective::Value value;
   value.total = lanes->evaluate(d, first, jobs);
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
-    values[i] = pieces[i]->at(d + first[i], gradient + first[i], mark);
-    lanes->addPulls(i, gradient + first[i]);
+    float* const own = gradient != nullptr ? gradient + first[i] : nullptr;
+    values[i] = pieces[i]->at(d + first[i], own, mark);
+    if (own != nullptr) lanes->addPulls(i, own);
   });
   for (const Objective::Value& one : values) {
     value.total += one.total;

@@ -124,8 +124,8 @@ struct Objective {
   struct Value {
     double total = 0, elastic = 0;
   };
-  /// \param d offset from the prediction, k x 4. \param mark finds how far squeezed samples lean on the piece's
-  /// rotation.
+  /// \param d offset from the prediction, k x 4. \param gradient may be null. \param mark finds how far squeezed
+  /// samples lean on the piece's rotation.
   Value at(const float* d, float* gradient, bool mark) const;
   /// Coefficients less those of the rest shape, into scratch.x.
   void placeAt(const float* d) const;

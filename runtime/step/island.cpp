@@ -225,13 +225,14 @@ void Island::solve(std::uint32_t iterations) {
   const std::uint32_t size = minimand_.size;
   std::fill_n(s.d.begin(), size, 0.0F);
   minimand_.press(s.d.data());
-  Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
+  // The gradient is wanted there if something flew into another, or if no other place is lower.
+  bool stale = near_ == 0;  // the gradient is not the one at s.d
+  Objective::Value value = minimand_.at(s.d.data(), stale ? nullptr : s.gradient.data(), true);
   minimand_.comeTo();
   Array<double>& predicted = scratch_.predicted;
   predicted.assign(minimand_.elastic);
   const bool all_near = near_ == members_.size();
   bool last_taken = true;  // touches are as they are at s.d
-  bool stale = false;      // the gradient is not the one there
   if (near_ > 0) {
     const Minimand near = all_near ? minimand_ : nearImpacts();
     scratch_.rigid.make(near, false);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
@@ -517,7 +518,9 @@ void PieceStep::solve() {
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
   Pairs& pairs = carriedPairs();
-  Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
+  // Where the old shape was the lower place the energy here is likely to do.
+  const bool stayed = std::exchange(piece_.state.stays, false) && !objective_.has_offset && s_.contacts.empty();
+  Objective::Value value = objective_.at(s_.d.data(), stayed ? nullptr : s_.gradient.data(), true);
   if (objective_.has_offset) {
     value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
     return;
@@ -564,8 +567,12 @@ void PieceStep::solve() {
   const double expected = piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr);
   if (piece_.state.elastic < 0 || expected < value.total) {
     const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
-    if (old.total < value.total) takeOld(old);
+    if (old.total < value.total) {
+      takeOld(old);
+      piece_.state.stays = true;
+    }
   }
+  if (stayed && !piece_.state.stays) value = objective_.at(s_.d.data(), s_.gradient.data(), false);
   value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
 }
 
