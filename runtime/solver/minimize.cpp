@@ -358,10 +358,10 @@ void Objective::precondition(float* g) const {
   for (std::uint32_t j = driven; j < k; ++j) std::copy_n(local + 3 * (j - driven), 3, g + 4 * j);
 }
 
-double Objective::heldByContacts(const float* direction) const {
+double Objective::heldByContacts(const float* direction, bool meeting) const {
   double held = 0;
   for (const Contact& contact : scratch->contacts) {
-    if (gapOf(contact) < 0) continue;
+    if (gapOf(contact) < 0 || (meeting && !contact.meets)) continue;
     held += double(contact.firm) * double(wayOf(contact.phi, direction).squaredNorm());
   }
   return held;
@@ -475,11 +475,10 @@ double Minimand::heldByContacts(const float* direction) const {
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     const Objective& piece = *pieces[i];
     double& held = values[i].total;
-    held = 0;
-    if (rigid->frees(i)) return;
-    held = piece.heldByContacts(direction + first[i]);
+    const bool freed = rigid->frees(i);
+    held = piece.heldByContacts(direction + first[i], freed);
     for (const TouchRow& row : piece.touch_rows) {
-      if (pushes(row)) continue;
+      if (pushes(row) || (freed && !touches[row.touch].meet)) continue;
       held += double(row.firm) * double(piece.wayOf(row.phi, direction + first[i]).squaredNorm());
     }
   });
@@ -507,7 +506,6 @@ double Minimand::unsettled2(const float* direction, const float* d) const {
 double Minimand::fallen2(const float* gradient, const float* d) const {
   double most = 0;
   for (std::uint32_t i = 0; i < pieces.size(); ++i) {
-    if (rigid != nullptr && rigid->frees(i)) continue;
     const auto rows = pieces[i]->touch_rows;
     if (std::any_of(rows.begin(), rows.end(), [this](const TouchRow& row) { return pushes(row); })) continue;
     most = std::max(most, pieces[i]->fallen2(gradient + first[i]) / settled2(i, d));

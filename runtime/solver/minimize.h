@@ -55,6 +55,7 @@ struct Contact : Push {
   std::uint32_t collider;  ///< its number among those of the step
   float give;              ///< part of 1 / kappa that is the collider's own: it gives way, m/N
   const float* phi;        ///< its row, k
+  bool meets = true;       ///< the collider pushes the piece, here or at another point: see RigidCoupling::make()
 };
 
 /// Two points that push each other apart, out of b. A pull on one pulls the other back. Of one piece (a = b) the row of
@@ -68,6 +69,7 @@ struct TouchLink {
   std::uint32_t a, b;  ///< pieces of a Minimand
   std::uint32_t slot;  ///< in TouchLanes
   float kappa, firm;   ///< Push
+  bool meet = true;    ///< the two push each other, here or elsewhere: see RigidCoupling::make()
 };
 
 /// A Touch as one of its pieces has it.
@@ -152,8 +154,8 @@ struct Objective {
   /// The first matrix's inverse times g, in place.
   void precondition(float* g) const;
   /// A direction's energy in contacts that the first matrix has but that do not push where last evaluated:
-  /// sum of kappa |phi direction|^2, J.
-  double heldByContacts(const float* direction) const;
+  /// sum of kappa |phi direction|^2, J. \param meeting of those with colliders that push it alone.
+  double heldByContacts(const float* direction, bool meeting = false) const;
   /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
   /// contact pushes it as last evaluated; else 0.
   double fallen2(const float* gradient) const;
@@ -202,7 +204,7 @@ struct Minimand {
   /// \param from, to, gradient, next_gradient as in Pairs::take(), the last before rub().
   void takeOwn(const float* from, const float* to, const float* gradient, const float* next_gradient) const;
   bool hasFriction() const;
-  /// Objective::heldByContacts() of those that `rigid` does not free, and of their touches.
+  /// Objective::heldByContacts() of all, and of the touches; of those that `rigid` frees by what that has.
   double heldByContacts(const float* direction) const;
   /// The largest squared length of a piece's part of a direction, times what changes nothing of it at d: a light piece
   /// is to settle as well as a heavy one.

@@ -70,8 +70,7 @@ void RigidCoupling::reserve(std::size_t pieces, std::size_t touches) {
   blocks_.reserve(pieces);
 }
 
-void RigidCoupling::findBlocks(const Minimand& minimand, bool pushing_only, const Objective& objective, Block& d,
-                               Block& a) {
+void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& objective, Block& d, Block& a) {
   const Field& field = *objective.field;
   const std::uint32_t k = field.k;
   Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
@@ -98,26 +97,59 @@ void RigidCoupling::findBlocks(const Minimand& minimand, bool pushing_only, cons
     gram += sum * armOf(i).transpose();
   }
   Eigen::Matrix4d idle = Eigen::Matrix4d::Zero();  // of it what A leaves out
-  const auto add = [&](float firm, const Eigen::Vector4d& at, bool pushes) {
+  const auto add = [&](float firm, const Eigen::Vector4d& at, bool counts) {
     const Eigen::Matrix4d own = double(firm) * at * at.transpose();
     gram += own;
-    if (pushing_only && !pushes) idle += own;
+    if (!counts) idle += own;
   };
   for (const Contact& contact : objective.scratch->contacts) {
-    add(contact.firm, momentsOf(field, contact.phi), gapOf(contact) < 0);
+    add(contact.firm, momentsOf(field, contact.phi), contact.meets);
   }
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
   turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
     const Eigen::Vector4d at = momentsOf(field, touch.phi);
-    add(touch.firm, at, minimand.pushes(touch));
+    add(touch.firm, at, minimand.touches[touch.touch].meet);
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
   d = blockOf(turn * gram * turn.transpose());
   a = blockOf(turn * (gram - idle) * turn.transpose());
 }
 
-void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
+namespace {
+
+/// Marks runs of `all` that are alike, each as a whole, by whether one of it pushes.
+template <class Each, class Alike, class Pushes, class Mark>
+void markRuns(std::span<Each> all, const Alike& alike, const Pushes& pushes, const Mark& mark) {
+  for (std::size_t first = 0, end = 0; first < all.size(); first = end) {
+    bool push = false;
+    for (; end < all.size() && alike(all[end], all[first]); ++end) push = push || pushes(all[end]);
+    for (std::size_t i = first; i < end; ++i) mark(all[i], push);
+  }
+}
+
+// Touches of two pieces lie together, and contacts with one collider.
+void findMeetings(const Minimand& minimand, bool meeting_only) {
+  markRuns(
+      minimand.touches,
+      [](const TouchLink& x, const TouchLink& y) { return std::minmax(x.a, x.b) == std::minmax(y.a, y.b); },
+      [&](const TouchLink& touch) {
+        return !meeting_only || minimand.lanes->predictedGap(touch.slot) < 0 || minimand.pushes(touch);
+      },
+      [](TouchLink& touch, bool push) { touch.meet = push; });
+  for (const Objective* piece : minimand.pieces) {
+    markRuns(
+        std::span<Contact>(piece->scratch->contacts.data(), piece->scratch->contacts.size()),
+        [](const Contact& x, const Contact& y) { return x.collider == y.collider; },
+        [&](const Contact& contact) { return !meeting_only || contact.gap < 0 || gapOf(contact) < 0; },
+        [](Contact& contact, bool push) { contact.meets = push; });
+  }
+}
+
+}  // namespace
+
+void RigidCoupling::make(const Minimand& minimand, bool meeting_only) {
+  findMeetings(minimand, meeting_only);
   nodes_.clear();
   couplings_.clear();
   moments_.resize(2 * minimand.touches.size());
@@ -131,7 +163,7 @@ void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
   forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
     Node& node = nodes_[n];
     Block d;
-    findBlocks(minimand, pushing_only, *minimand.pieces[node.piece], d, node.inverse);
+    findBlocks(minimand, *minimand.pieces[node.piece], d, node.inverse);
     if (!invert(d, node.own)) node.own.setZero();
   });
   // Of touches, by the nodes that they couple.
@@ -153,7 +185,7 @@ void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
   Coupling* coupling = nullptr;
   for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
     const TouchLink& touch = minimand.touches[i];
-    if (!couples(touch) || (pushing_only && !minimand.pushes(touch))) continue;
+    if (!couples(touch) || !touch.meet) continue;
     const std::uint64_t key = keyOf(touch);
     if (coupling == nullptr || coupling->key != key) coupling = find(key);
     const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];

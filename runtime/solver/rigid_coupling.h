@@ -26,10 +26,11 @@ class RigidCoupling {
 
   /// Memory for so many pieces.
   void reserve(std::size_t pieces, std::size_t touches);
-  /// \param pushing_only of contacts and touches A has those that pushed where last evaluated; else those that B has.
-  /// \pre frames and systems are made
-  void make(const Minimand& minimand, bool pushing_only);
-  /// Whether nothing but what pushes holds a piece as a whole. \pre made of what pushes alone
+  /// \param meeting_only of touches A has those of pairs of pieces of which one touch pushes at the prediction or did
+  /// where last evaluated: a joint may open and close in a step, but what only passes by holds nothing; of contacts
+  /// those with such colliders. Else it has those that B has. \pre frames and systems are made
+  void make(const Minimand& minimand, bool meeting_only);
+  /// Whether nothing but these holds a piece as a whole. \pre made of them alone
   bool frees(std::uint32_t piece) const { return node_of_[piece] != formats::kNone; }
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);
@@ -52,7 +53,7 @@ class RigidCoupling {
     Block block;        ///< of A, later row; then of L
   };
   /// Blocks of D and A, and the moments of the piece's rows.
-  void findBlocks(const Minimand& minimand, bool pushing_only, const Objective& objective, Block& d, Block& a);
+  void findBlocks(const Minimand& minimand, const Objective& objective, Block& d, Block& a);
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();

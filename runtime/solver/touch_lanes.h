@@ -63,6 +63,8 @@ class TouchLanes {
   std::span<const TouchPair> pairs() const { return {pairs_.data(), pairs_.size()}; }
   /// Height of a touch above its floor at the last evaluation, m.
   float gap(std::uint32_t slot) const;
+  /// The same at the prediction.
+  float predictedGap(std::uint32_t slot) const { return packs_[slot / 8].gap[slot % 8]; }
   bool hasFriction() const { return has_friction_; }
 
   /// The touches' energy at coefficients of all. \param first of each piece's in d. \return joule
