@@ -96,11 +96,11 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     }
     gram += sum * armOf(i).transpose();
   }
-  Eigen::Matrix4d idle = Eigen::Matrix4d::Zero();  // of it what A leaves out
-  const auto add = [&](float firm, const Eigen::Vector4d& at, bool counts) {
+  Eigen::Matrix4d met = gram;  // of A
+  const auto add = [&](float firm, const Eigen::Vector4d& at, bool meets) {
     const Eigen::Matrix4d own = double(firm) * at * at.transpose();
     gram += own;
-    if (!counts) idle += own;
+    if (meets) met += own;
   };
   for (const Contact& contact : objective.scratch->contacts) {
     add(contact.firm, momentsOf(field, contact.phi), contact.meets);
@@ -113,7 +113,7 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
   d = blockOf(turn * gram * turn.transpose());
-  a = blockOf(turn * (gram - idle) * turn.transpose());
+  a = blockOf(turn * met * turn.transpose());
 }
 
 namespace {
