@@ -33,7 +33,7 @@ Vector3f cornerOf(const formats::PackageView& package, const formats::Tetrahedro
 }  // namespace
 
 DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceGrid& grid)
-    : package_(&package), grid_(&grid) {
+    : package_(&package), grid_(&grid), nodes_a_metre_(1 / grid.spacing) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     last_node_[axis] = float(grid.nodes[axis] - 1);
     apart_[axis] = axis == 0 ? 1 : apart_[axis - 1] * grid.nodes[axis - 1];
@@ -130,7 +130,7 @@ inline DepthMap::GridPlace DepthMap::gridPlace(const Vector3f& place) const {
   at.value = values_.data();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = Eigen::Index(axis);
-    const float in = (place[a] - grid_->origin[axis]) / grid_->spacing;
+    const float in = (place[a] - grid_->origin[axis]) * nodes_a_metre_;
     const float inside = std::min(std::max(0.0F, in), last_node_[axis]);  // 0 where it is no number
     const auto node = std::min(std::uint32_t(std::int32_t(inside)), grid_->nodes[axis] - 2);
     at.beyond[a] = in - inside;

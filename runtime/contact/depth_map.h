@@ -65,6 +65,7 @@ class DepthMap {
   const formats::PackageView* package_ = nullptr;
   const formats::DistanceGrid* grid_ = nullptr;
   std::span<const std::int16_t> values_;
+  float nodes_a_metre_ = 0;
   std::array<float, 3> last_node_ = {};
   std::array<std::size_t, 3> apart_ = {};  ///< values to the next node along each axis
   // A regular grid over the tetrahedra: those of cell i are list_[first_[i] .. first_[i + 1]).

@@ -95,12 +95,12 @@ Matrix3f cofactorOf(const Matrix3f& f) {
   return result;
 }
 
-/// Where a way out of b reaches its surface. \param way unit. \param[out] place of the surface. \param[out] outward
-/// unit normal there. \return false where it does not leave, or leaves where the surface does not face it.
-bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, double diagonal, Vector3f& place,
-           Vector3f& outward) {
+/// Where a way out of b reaches its surface. \param distance of `from`. \param way unit. \param[out] place of the
+/// surface. \param[out] outward unit normal there. \return false where it does not leave, or leaves where the surface
+/// does not face it.
+bool leave(const DepthMap& map, const Vector3f& from, float distance, const Vector3f& way, double diagonal,
+           Vector3f& place, Vector3f& outward) {
   place = from;
-  float distance = map.distance(place);
   for (int step = 0; step < kLeaving && distance < 0; ++step) {
     float inside = distance, low = 0, high = std::max(-distance, float(kNear * diagonal));
     const Vector3f last = place;
@@ -111,12 +111,17 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
     // both sides of where distances that grow evenly cross it; near edges they do not.
     const float resolved = float(kResolved * diagonal), beside = 0.45F * resolved;
     for (int round = 0; high - low > resolved; ++round) {
-      const float crossing = low + inside / (inside - distance) * (high - low);
-      const float at =
-          round % 3 == 2 ? 0.5F * (low + high) : std::clamp(crossing + (round % 3 == 0 ? beside : -beside), low, high);
-      const float there = map.distance(last + at * way);
-      (there < 0 ? low : high) = at;
-      (there < 0 ? inside : distance) = there;
+      const float crossing = low + inside / (inside - distance) * (high - low), middle = 0.5F * (low + high);
+      const float below = round % 2 == 0 ? std::max(low, crossing - beside) : middle,
+                  above = round % 2 == 0 ? std::min(high, crossing + beside) : middle;
+      const float lower = map.distance(last + below * way), upper = map.distance(last + above * way);
+      if (!(lower < 0)) {
+        high = below, distance = lower;
+        continue;
+      }
+      low = below, inside = lower;
+      (upper < 0 ? low : high) = above;
+      (upper < 0 ? inside : distance) = upper;
     }
     place = last + (low + inside / (inside - distance) * (high - low)) * way;
     distance = 0;
@@ -234,40 +239,40 @@ class TouchSearch {
     const bool all = isItself() || is_fast_;
     for (std::uint32_t first = 0; first < count; first += kBlock) {
       const Eigen::Array<float, kBlock, 1> outside = outsideBox(first);
-      const std::uint32_t last = std::min(count, first + kBlock);
-      const bool known = !known_.empty() && known_.front().point < last;
-      if (!all && !known && outside.minCoeff() > 0) continue;
-      for (std::uint32_t p = first; p < last; ++p) {
-        if (all || known || outside[p - first] <= 0) look(p);
+      const std::uint32_t end = std::min(count, first + kBlock);
+      const bool some = !known_.empty() && known_.front().point < end;
+      if (!all && !some && outside.minCoeff() > 0) continue;
+      for (std::uint32_t p = first; p < end; ++p) {
+        while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
+        const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
+        if (all || last != nullptr || outside[p - first] <= 0) look(p, last);
       }
     }
   }
 
   /// Adds the touch of a point, if it is one. An old touch counts at its old place too: a prediction that goes on as a
-  /// thin part sprang leads away from what that part lies on. \pre points come in ascending order
-  void look(std::uint32_t p) {
+  /// thin part sprang leads away from what that part lies on. \param last what the step before knew of it, or null
+  void look(std::uint32_t p, const TouchMemory* last) {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}};
-    while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
-    const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
     const Vector3f at = pointAt(p) + apart_;
-    Vector3f place, outward;
+    Vector3f place;
     float distance;
     if (isItself()) {
-      if (findsItself(p, last, at, place, distance, outward)) add(key, last, false, at, place, distance, outward);
+      if (findsItself(p, last, at, place, distance)) add(key, last, false, at, place, distance);
       return;
     }
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
-    const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
+    const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance);
     // Bent parts of b may overlap where the rigid motion leads: what is known is looked for where it was.
     const auto isStill = [&] {
       place = Eigen::Map<const Vector3f>(last->anchor.data());
-      return findsPlaceFrom(at, place) && isUnderSurface(place, distance, outward);
+      return findsPlaceFrom(at, place) && isUnderSurface(place, distance);
     };
     const bool near = entered || (last != nullptr && isStill()) ||
-                      isNear(at, b_.base, Vector3f::Zero(), place, distance, outward) ||
-                      (last != nullptr && isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward));
-    if (near) add(key, last, entered, at, place, distance, outward);
+                      isNear(at, b_.base, Vector3f::Zero(), place, distance) ||
+                      (last != nullptr && isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance));
+    if (near) add(key, last, entered, at, place, distance);
   }
 
   bool isItself() const { return &a_ == &b_; }
@@ -284,12 +289,11 @@ class TouchSearch {
 
   /// Finds a material point X other than X_p with x(X) = x(X_p): the piece overlaps itself there. \return whether
   /// there is one.
-  bool findsItself(std::uint32_t p, const TouchMemory* last, const Vector3f& at, Vector3f& place, float& distance,
-                   Vector3f& outward) {
+  bool findsItself(std::uint32_t p, const TouchMemory* last, const Vector3f& at, Vector3f& place, float& distance) {
     const Vector3f own = asVector(a_.field->points[p].at);
     const auto found = [&](const Vector3f& from) {
       place = from;
-      return findsPlaceFrom(at, place) && (place - own).norm() > margin_ && isUnderSurface(place, distance, outward);
+      return findsPlaceFrom(at, place) && (place - own).norm() > margin_ && isUnderSurface(place, distance);
     };
     if (last != nullptr && found(Eigen::Map<const Vector3f>(last->anchor.data()))) return true;
     const std::uint32_t q = facingPoint(p);
@@ -299,13 +303,12 @@ class TouchSearch {
   /// Newton's method, whose steps end where the tetrahedron no longer changes. Of another piece the rigid motion's
   /// inverse, which is mostly enough, makes the first one.
   bool findsPlaceFrom(const Vector3f& at, Vector3f& place) {
-    MaterialPoint material;
     for (int round = 0; round < 2 * kRounds; ++round) {
-      if (!b_.map->locate(place, material)) return false;
-      const Vector3f left_over = at - corners_.placeOf(material);
+      if (!b_.map->locate(place, material_)) return false;
+      const Vector3f left_over = at - corners_.placeOf(material_);
       const bool small = isSmall(left_over);
       Matrix3f back = b_.turn.transpose();
-      if ((isItself() || (round > 0 && !small)) && !takesBack(material, back)) return false;
+      if ((isItself() || (round > 0 && !small)) && !takesBack(back)) return false;
       place += back * left_over;
       if (small) return true;
     }
@@ -313,12 +316,9 @@ class TouchSearch {
   }
 
   /// Inverse of b's deformation gradient. \return false where it has none.
-  bool takesBack(const Vector3f& place, Matrix3f& back) {
-    MaterialPoint material;
-    return b_.map->locate(place, material) && takesBack(material, back);
-  }
-  bool takesBack(const MaterialPoint& material, Matrix3f& back) {
-    const Matrix3f gradient = corners_.gradientAt(material);
+  bool takesBack(const Vector3f& place, Matrix3f& back) { return b_.map->locate(place, material_) && takesBack(back); }
+  bool takesBack(Matrix3f& back) {
+    const Matrix3f gradient = corners_.gradientAt(material_);
     if (!(gradient.determinant() > 0)) return false;
     back = gradient.inverse();
     return back.allFinite();
@@ -389,19 +389,19 @@ class TouchSearch {
   /// Whether a point's way in the step leads into b from outside, and where: of what is fast the prediction may lie
   /// beyond b, or nearer to where it would come out. Steps along the way are as long as the surface is far (Hart 1996),
   /// and no shorter than what is seen at all; there are so many at most.
-  bool enters(const Vector3f& at, const Vector3f& was, Vector3f& place, float& distance, Vector3f& outward) {
+  bool enters(const Vector3f& at, const Vector3f& was, Vector3f& place, float& distance) {
     const Vector3f from = was - b_.center_before, way = at - from;
     const float length = way.norm(), least = std::max(0.5F * b_.map->spacing(), length / kMostTraced);
     float outside = 0;
     for (float t = 0; t <= 1;) {
       const float far = b_.map->distance(b_.turn.transpose() * (from + t * way) + b_.rest_center) - 2 * b_.bent;
-      if (!(far > 0) && isInside(at, was, t, place, distance, outward)) {
+      if (!(far > 0) && isInside(at, was, t, place, distance)) {
         if (t == 0) return false;
         while ((t - outside) * length > float(kNear * b_.diagonal)) {
           const float middle = 0.5F * (outside + t);
-          (isInside(at, was, middle, place, distance, outward) ? t : outside) = middle;
+          (isInside(at, was, middle, place, distance) ? t : outside) = middle;
         }
-        return isInside(at, was, t, place, distance, outward);
+        return isInside(at, was, t, place, distance);
       }
       outside = t;
       if (t == 1) break;
@@ -411,50 +411,49 @@ class TouchSearch {
   }
 
   /// isNear() at a part t of the step, and inside.
-  bool isInside(const Vector3f& at, const Vector3f& was, float t, Vector3f& place, float& distance, Vector3f& outward) {
+  bool isInside(const Vector3f& at, const Vector3f& was, float t, Vector3f& place, float& distance) {
     for (std::uint32_t i = 0; i < 4 * b_.field->k; ++i) between_[i] = b_.before[i] + t * (b_.base[i] - b_.before[i]);
-    return isNear(was + t * (at - was), between_.data(), (1 - t) * b_.center_before, place, distance, outward) &&
-           distance < 0;
+    return isNear(was + t * (at - was), between_.data(), (1 - t) * b_.center_before, place, distance) && distance < 0;
   }
 
   /// Whether a place is inside b or hardly outside. \param base, center of b then. \param[out] place of b's rest shape
-  /// that is there, and how far it is from the surface. \param[out] outward unit.
-  bool isNear(const Vector3f& at, const float* base, const Vector3f& center, Vector3f& place, float& distance,
-              Vector3f& outward) {
+  /// that is there, and how far it is from the surface.
+  bool isNear(const Vector3f& at, const float* base, const Vector3f& center, Vector3f& place, float& distance) {
     place = b_.turn.transpose() * (at - center) + b_.rest_center;
     if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
-    MaterialPoint material;
     for (int round = 0; round < kRounds; ++round) {
-      if (!b_.map->locate(place, material)) return false;
-      const Vector3f left_over = leftOver(at, base, material);
+      if (!b_.map->locate(place, material_)) return false;
+      const Vector3f left_over = leftOver(at, base);
       place += b_.turn.transpose() * left_over;
       if (isSmall(left_over)) break;
     }
-    return isUnderSurface(place, distance, outward);
+    return isUnderSurface(place, distance);
   }
 
-  /// From a material point to a place.
-  Vector3f leftOver(const Vector3f& at, const float* base, const MaterialPoint& material) {
-    if (base == b_.base) return at - corners_.placeOf(material);
-    setRow(*b_.field, material, row_.data());
+  /// From the located material point to a place.
+  Vector3f leftOver(const Vector3f& at, const float* base) {
+    if (base == b_.base) return at - corners_.placeOf(material_);
+    setRow(*b_.field, material_, row_.data());
     return at - sumOf(row_.data(), base, b_.field->k);
   }
 
   bool isSmall(const Vector3f& left_over) const { return left_over.norm() < float(kNear) * float(b_.diagonal); }
 
-  bool isUnderSurface(const Vector3f& place, float& distance, Vector3f& outward) const {
+  bool isUnderSurface(const Vector3f& place, float& distance) const {
     distance = b_.map->distance(place);
-    if (distance > margin_) return false;
-    outward = b_.map->outward(place);
-    return !outward.isZero(0);
+    return distance <= margin_;
+  }
+
+  /// leave() with b.
+  bool leaves(const Vector3f& from, float distance, const Vector3f& way, Vector3f& left_at, Vector3f& facing) const {
+    return leave(*b_.map, from, distance, way, b_.diagonal, left_at, facing);
   }
 
   /// \param last what the step before knew of it, or null. \param entered in this step, at `place`.
   void add(const TouchMemory& key, const TouchMemory* last, bool entered, const Vector3f& at, const Vector3f& place,
-           float distance, Vector3f outward) {
+           float distance) {
     const Field &field_a = *a_.field, &field_b = *b_.field;
     const std::uint32_t p = key.point;
-    MaterialPoint material;
     FoundTouch touch = {};
     const bool known = last != nullptr;
     const bool touched = known && last->depth > 0;
@@ -462,33 +461,33 @@ class TouchSearch {
     // a point that lies beyond the edge is carried still. One that started deep inside goes out as the two were pushed
     // apart: of many ways some would hold each other; its own of before does where that does not. Of others surfaces
     // that touch face each other: where the nearest way out does not, the way back into a does.
-    Vector3f facing, left_at, way = known ? Vector3f(outwardOf(*last)) : outward;
+    Vector3f facing, left_at, way = Vector3f::Zero();
     bool as_before = false;
-    if (touched && last->floor != 0 && distance < -margin_) {
-      as_before = way_.dot(way) > 0 && leave(*b_.map, place, way, b_.diagonal, left_at, facing);
-    } else if (known) {
-      as_before = leaveAsBefore(place, distance, outward, way, left_at, facing);
+    if (known) {
+      way = outwardOf(*last);
+      as_before = touched && last->floor != 0 && distance < -margin_
+                      ? way_.dot(way) > 0 && leaves(place, distance, way, left_at, facing)
+                      : leaveAsBefore(place, distance, way, left_at, facing);
     }
     if (!as_before) {
-      if (!(distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
-        way = outward;
-        const Vector3f back = entered ? outward : wayBack(p, place);
-        if (outward.dot(back) < 0) way = back;
-        if (!leave(*b_.map, place, way, b_.diagonal, left_at, facing)) return;
+      if (!(distance < -margin_ && leaves(place, distance, way_, left_at, facing))) {
+        way = b_.map->outward(place);
+        if (way.isZero(0)) return;
+        const Vector3f back = entered ? way : wayBack(p, place);
+        if (way.dot(back) < 0) way = back;
+        if (!leaves(place, distance, way, left_at, facing)) return;
       }
       // A pushed point goes along the normal: out there, where that is a way out.
       way = facing;
       Vector3f nearer, there;
-      if (leave(*b_.map, place, way, b_.diagonal, nearer, there)) left_at = nearer, facing = there;
+      if (leaves(place, distance, way, nearer, there)) left_at = nearer, facing = there;
     }
-    outward = facing;
     touch.place = left_at;
-    if (!b_.map->locate(touch.place, material)) return;
-    const Matrix3f gradient = corners_.gradientAt(material);
+    if (!b_.map->locate(touch.place, material_)) return;
     touch.entered = entered;
-    const bool upright = gradient.determinant() > 0;
-    touch.to_rest = upright ? boundedInverse(gradient) : Matrix3f(b_.turn.transpose());
-    const Vector3f normal = upright ? Vector3f(cofactorOf(gradient) * outward) : Vector3f(b_.turn * outward);
+    touch.gradient = corners_.gradientAt(material_);
+    if (!(touch.gradient.determinant() > 0)) touch.gradient = b_.turn;
+    const Vector3f normal = cofactorOf(touch.gradient) * facing;
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
     const std::size_t first = list_.rows.size();
     list_.rows.resize(first + field_a.k + field_b.k);
@@ -496,10 +495,10 @@ class TouchSearch {
     touch.row_b = std::uint32_t(first + field_a.k);
     float *const row_a = list_.rows.data() + first, *const row_b = row_a + field_a.k;
     for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] = field_a.valueAtPoint(p, j);
-    setRow(field_b, material, row_b);
+    setRow(field_b, material_, row_b);
     Touch& t = touch.touch;
     t.normal = normal.normalized();
-    const Vector3f over = at - corners_.placeOf(material);
+    const Vector3f over = at - corners_.placeOf(material_);
     const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
     // A point that starts inside finds the surface where it is, and rising: as far as a step brings it out beyond its
@@ -517,8 +516,8 @@ class TouchSearch {
     t.friction = std::sqrt(a_.friction * b_.friction);
     t.slide = across(motion);
     Vector3f slid = Vector3f::Zero();  // before the step
-    if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
-      slid = across(at - corners_.placeOf(material) - motion);
+    if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material_)) {
+      slid = across(at - corners_.placeOf(material_) - motion);
       // A spring and a dashpot across have slid by no more than friction times what those along the normal are pressed
       // in (docs/method.md §4). What comes to more was carried through a shape that lies flat.
       const float length = slid.norm(), most = t.friction * last->depth;
@@ -534,7 +533,7 @@ class TouchSearch {
     if (touch.held) touch.memory.anchor = last->anchor;
     // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
     // bends as much as the point is deep.
-    if (!touched) way = outward;
+    if (!touched) way = facing;
     touch.memory.outward = {way[0], way[1], way[2]};
     touch.over = over;
     if (isItself()) {  // one row, of what the two points move apart
@@ -553,17 +552,23 @@ class TouchSearch {
   }
 
   /// leave(), from below the edge what lies beside it, where that is hardly farther than the nearest way out. \param
-  /// outward at `place`, whose distance is `distance`.
-  bool leaveAsBefore(const Vector3f& place, float distance, const Vector3f& outward, const Vector3f& way,
-                     Vector3f& left_at, Vector3f& facing) const {
+  /// distance of `place`.
+  bool leaveAsBefore(const Vector3f& place, float distance, const Vector3f& way, Vector3f& left_at,
+                     Vector3f& facing) const {
     Vector3f from = place;
-    if (distance > 0) from -= (distance + float(kNear * b_.diagonal)) * (outward - outward.dot(way) * way);
-    if (!leave(*b_.map, from, way, b_.diagonal, left_at, facing)) return false;
+    float outside = distance;
+    if (distance > 0) {
+      const Vector3f outward = b_.map->outward(place);
+      from -= (distance + float(kNear * b_.diagonal)) * (outward - outward.dot(way) * way);
+      outside = b_.map->distance(from);
+    }
+    if (!leaves(from, outside, way, left_at, facing)) return false;
     const float length = (left_at - place).norm();
     if (length <= std::abs(distance) + margin_) return true;
     // Near edges distances between nodes are shorter than any way.
     Vector3f nearest, there;
-    return leave(*b_.map, place, outward, b_.diagonal, nearest, there) && length <= (nearest - place).norm() + margin_;
+    return leaves(place, distance, b_.map->outward(place), nearest, there) &&
+           length <= (nearest - place).norm() + margin_;
   }
 
  private:
@@ -577,6 +582,7 @@ class TouchSearch {
   const bool is_fast_;
   const Vector3f low_, high_;
   Corners corners_;                  ///< of b
+  MaterialPoint material_;           ///< of b, located last
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   int axis_ = 0;                     ///< of a.order
   float reach_ = 0;                  ///< of neighbours, m
@@ -641,8 +647,8 @@ TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
   if (found.held && length <= most) return memory;
   if (length > most) slide *= most / length;
   const Vector3f over = found.over + moved;
-  const Vector3f anchor = found.place + found.to_rest * (over - touch.normal.dot(over) * touch.normal - slide -
-                                                         (touch.lag - lag * touch.normal));
+  const Vector3f anchor = found.place + boundedInverse(found.gradient) * (over - touch.normal.dot(over) * touch.normal -
+                                                                          slide - (touch.lag - lag * touch.normal));
   memory.anchor = {anchor[0], anchor[1], anchor[2]};
   return memory;
 }

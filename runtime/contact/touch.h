@@ -70,13 +70,13 @@ struct FoundTouch {
   Touch touch;  ///< pieces as they were given to findTouches()
   std::uint32_t row_a, row_b;
   TouchMemory memory;
-  bool held;                ///< by friction, at memory.anchor
-  float coming;             ///< speed at which it comes, m/s
-  bool entered;             ///< on its way in this step
-  Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
-  Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
-  Eigen::Vector3f before;   ///< how far it was pressed in and slid before the step, m
-  Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
+  bool held;                 ///< by friction, at memory.anchor
+  float coming;              ///< speed at which it comes, m/s
+  bool entered;              ///< on its way in this step
+  Eigen::Matrix3f gradient;  ///< of b's deformation there; its turn where that is turned inside out
+  Eigen::Vector3f place;     ///< rest place of b that it pushes at, metres
+  Eigen::Vector3f before;    ///< how far it was pressed in and slid before the step, m
+  Eigen::Vector3f over;      ///< from there to a's point, at the prediction, metres
 };
 
 struct TouchList {

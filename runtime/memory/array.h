@@ -108,7 +108,10 @@ class Array : public ArrayBytes {
     resize(size_ + 1);
     return back();
   }
-  void push_back(const T& value) { ArrayBytes::insert(kElement, size_, &value); }
+  void push_back(const T& value) {
+    if (size_ == capacity_) return ArrayBytes::insert(kElement, size_, &value);
+    ::new (data_ + size_++ * sizeof(T)) T(value);
+  }
   /// Of its own elements `value` may be one before `index`.
   void insert(std::size_t index, const T& value) { ArrayBytes::insert(kElement, index, &value); }
   void erase(std::size_t index) { ArrayBytes::erase(kElement, index); }

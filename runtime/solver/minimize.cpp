@@ -31,8 +31,8 @@ constexpr double kEnergyNoise = 4e-6;
 
 using Four = Eigen::Array4f;
 
-/// Functions of a field whose lanes, 24 floats each, are on the stack: what one piece after the other uses stays in the
-/// cache.
+/// Functions of a field whose lanes, 24 floats each, and places are on the stack: what one piece after the other uses
+/// stays in the cache.
 constexpr std::uint32_t kOnStack = 64;
 
 }  // namespace
@@ -271,9 +271,9 @@ void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, co
   }
 }
 
-void Objective::placeAt(const float* d) const {
+void Objective::placeAt(const float* d, float* x) const {
   for (std::uint32_t j = 0; j < 4 * field->k; j += 4) {
-    Four::Map(scratch->x.data() + j) = Four::Map(scratch->shape.data() + j) + Four::Map(d + j);
+    Four::Map(x + j) = Four::Map(scratch->shape.data() + j) + Four::Map(d + j);
   }
 }
 
@@ -282,14 +282,16 @@ Eigen::Vector3f Objective::wayOf(const float* row, const float* d) const {
 }
 
 double Objective::elastic(const float* d, float* gradient, bool mark) const {
-  placeAt(d);
+  float places[4 * kOnStack];
+  float* const x = field->k <= kOnStack ? places : scratch->x.data();
+  placeAt(d, x);
   FieldEnergyArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
   arguments.packs = field->packs;
   arguments.gradients = field->gradients;
   arguments.stiffness = stiffness;
-  arguments.coefficients = scratch->x.data();
+  arguments.coefficients = x;
   arguments.mark = mark;
   arguments.quaternions = scratch->quaternions.data();
   arguments.squeezed = scratch->squeezed.data();
@@ -300,14 +302,14 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   arguments.limits = field->limits;
   double energy = kernels().field_energy(arguments);
   if (fibres != nullptr) {
-    energy += fibres->fibre_energy +
-              symmetric(fibres->fibres.data(), fibres->fibre_pull.data(), scratch->x.data(), field->k, 0, gradient);
+    energy +=
+        fibres->fibre_energy + symmetric(fibres->fibres.data(), fibres->fibre_pull.data(), x, field->k, 0, gradient);
   }
   return energy;
 }
 
 void Objective::stiffnessAt(const float* d, float* matrix) const {
-  placeAt(d);
+  placeAt(d, scratch->x.data());
   FieldStiffnessArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
@@ -346,8 +348,10 @@ void Objective::press(const float* d) const {
 void Objective::precondition(float* g) const {
   const std::uint32_t k = field->k, driven = field->driven;
   // Rows of three: the padding of each is where the next one goes, or spare.
-  float* const local = scratch->x.data();
+  float rows[3 * kOnStack + 8];
+  float* const local = k <= kOnStack ? rows : scratch->x.data();
   for (std::uint32_t j = driven; j < k; ++j) Four::Map(local + 3 * (j - driven)) = Four::Map(g + 4 * j);
+  std::fill_n(local + 3 * (k - driven), 8, 0.0F);
   if (system != nullptr) {
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
   } else {
@@ -355,13 +359,17 @@ void Objective::precondition(float* g) const {
     kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness,
                            k <= kOnStack ? lanes : scratch->lanes.data(), local});
   }
-  for (std::uint32_t j = driven; j < k; ++j) std::copy_n(local + 3 * (j - driven), 3, g + 4 * j);
+  for (std::uint32_t j = driven; j < k; ++j) {
+    Four row = Four::Map(local + 3 * (j - driven));
+    row[3] = 0;
+    Four::Map(g + 4 * j) = row;
+  }
 }
 
-double Objective::heldByContacts(const float* direction, bool meeting) const {
+double Objective::heldByContacts(const float* direction, bool carrying) const {
   double held = 0;
   for (const Contact& contact : scratch->contacts) {
-    if (gapOf(contact) < 0 || (meeting && !contact.meets)) continue;
+    if (gapOf(contact) < 0 || (carrying && !contact.carries)) continue;
     held += double(contact.firm) * double(wayOf(contact.phi, direction).squaredNorm());
   }
   return held;
@@ -478,7 +486,7 @@ double Minimand::heldByContacts(const float* direction) const {
     const bool freed = rigid->frees(i);
     held = piece.heldByContacts(direction + first[i], freed);
     for (const TouchRow& row : piece.touch_rows) {
-      if (pushes(row) || (freed && !touches[row.touch].meet)) continue;
+      if (pushes(row) || (freed && !touches[row.touch].carries)) continue;
       held += double(row.firm) * double(piece.wayOf(row.phi, direction + first[i]).squaredNorm());
     }
   });

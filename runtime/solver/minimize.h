@@ -55,7 +55,7 @@ struct Contact : Push {
   std::uint32_t collider;  ///< its number among those of the step
   float give;              ///< part of 1 / kappa that is the collider's own: it gives way, m/N
   const float* phi;        ///< its row, k
-  bool meets = true;       ///< the collider pushes the piece, here or at another point: see RigidCoupling::make()
+  bool carries = true;     ///< the coarse level has it: see RigidCoupling::make()
 };
 
 /// Two points that push each other apart, out of b. A pull on one pulls the other back. Of one piece (a = b) the row of
@@ -66,10 +66,10 @@ struct Touch : Push {
 
 /// What first matrices know of a touch.
 struct TouchLink {
-  std::uint32_t a, b;  ///< pieces of a Minimand
-  std::uint32_t slot;  ///< in TouchLanes
-  float kappa, firm;   ///< Push
-  bool meet = true;    ///< the two push each other, here or elsewhere: see RigidCoupling::make()
+  std::uint32_t a, b;   ///< pieces of a Minimand
+  std::uint32_t slot;   ///< in TouchLanes
+  float kappa, firm;    ///< Push
+  bool carries = true;  ///< the coarse level has it: see RigidCoupling::make()
 };
 
 /// A Touch as one of its pieces has it.
@@ -129,8 +129,8 @@ struct Objective {
   /// \param d offset from the prediction, k x 4. \param gradient may be null. \param mark finds how far squeezed
   /// samples lean on the piece's rotation.
   Value at(const float* d, float* gradient, bool mark) const;
-  /// Coefficients less those of the rest shape, into scratch.x.
-  void placeAt(const float* d) const;
+  /// Coefficients less those of the rest shape. \param[out] x k x 4
+  void placeAt(const float* d, float* x) const;
   /// Way in the world of a point with this row, m.
   Eigen::Vector3f wayOf(const float* row, const float* d) const;
   /// Second derivative of the elastic energy at d, made positive: 3 n rows of `stride` floats.
@@ -154,8 +154,8 @@ struct Objective {
   /// The first matrix's inverse times g, in place.
   void precondition(float* g) const;
   /// A direction's energy in contacts that the first matrix has but that do not push where last evaluated:
-  /// sum of kappa |phi direction|^2, J. \param meeting of those with colliders that push it alone.
-  double heldByContacts(const float* direction, bool meeting = false) const;
+  /// sum of kappa |phi direction|^2, J. \param carrying of those that the coarse level has.
+  double heldByContacts(const float* direction, bool carrying = false) const;
   /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
   /// contact pushes it as last evaluated; else 0.
   double fallen2(const float* gradient) const;

@@ -96,60 +96,43 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     }
     gram += sum * armOf(i).transpose();
   }
-  Eigen::Matrix4d met = gram;  // of A
-  const auto add = [&](float firm, const Eigen::Vector4d& at, bool meets) {
+  Eigen::Matrix4d carrying = gram;  // of A
+  const auto add = [&](float firm, const Eigen::Vector4d& at, bool carries) {
     const Eigen::Matrix4d own = double(firm) * at * at.transpose();
     gram += own;
-    if (meets) met += own;
+    if (carries) carrying += own;
   };
   for (const Contact& contact : objective.scratch->contacts) {
-    add(contact.firm, momentsOf(field, contact.phi), contact.meets);
+    add(contact.firm, momentsOf(field, contact.phi), contact.carries);
   }
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
   turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
     const Eigen::Vector4d at = momentsOf(field, touch.phi);
-    add(touch.firm, at, minimand.touches[touch.touch].meet);
+    add(touch.firm, at, minimand.touches[touch.touch].carries);
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
   d = blockOf(turn * gram * turn.transpose());
-  a = blockOf(turn * met * turn.transpose());
+  a = blockOf(turn * carrying * turn.transpose());
 }
 
 namespace {
 
-/// Marks runs of `all` that are alike, each as a whole, by whether one of it pushes.
-template <class Each, class Alike, class Pushes, class Mark>
-void markRuns(std::span<Each> all, const Alike& alike, const Pushes& pushes, const Mark& mark) {
-  for (std::size_t first = 0, end = 0; first < all.size(); first = end) {
-    bool push = false;
-    for (; end < all.size() && alike(all[end], all[first]); ++end) push = push || pushes(all[end]);
-    for (std::size_t i = first; i < end; ++i) mark(all[i], push);
+void findCarrying(const Minimand& minimand, bool pushing_only) {
+  for (TouchLink& touch : minimand.touches) {
+    touch.carries = !pushing_only || minimand.lanes->predictedGap(touch.slot) < 0 || minimand.pushes(touch);
   }
-}
-
-// Touches of two pieces lie together, and contacts with one collider.
-void findMeetings(const Minimand& minimand, bool meeting_only) {
-  markRuns(
-      minimand.touches,
-      [](const TouchLink& x, const TouchLink& y) { return std::minmax(x.a, x.b) == std::minmax(y.a, y.b); },
-      [&](const TouchLink& touch) {
-        return !meeting_only || minimand.lanes->predictedGap(touch.slot) < 0 || minimand.pushes(touch);
-      },
-      [](TouchLink& touch, bool push) { touch.meet = push; });
   for (const Objective* piece : minimand.pieces) {
-    markRuns(
-        std::span<Contact>(piece->scratch->contacts.data(), piece->scratch->contacts.size()),
-        [](const Contact& x, const Contact& y) { return x.collider == y.collider; },
-        [&](const Contact& contact) { return !meeting_only || contact.gap < 0 || gapOf(contact) < 0; },
-        [](Contact& contact, bool push) { contact.meets = push; });
+    for (Contact& contact : piece->scratch->contacts) {
+      contact.carries = !pushing_only || contact.gap < 0 || gapOf(contact) < 0;
+    }
   }
 }
 
 }  // namespace
 
-void RigidCoupling::make(const Minimand& minimand, bool meeting_only) {
-  findMeetings(minimand, meeting_only);
+void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
+  findCarrying(minimand, pushing_only);
   nodes_.clear();
   couplings_.clear();
   moments_.resize(2 * minimand.touches.size());
@@ -185,7 +168,7 @@ void RigidCoupling::make(const Minimand& minimand, bool meeting_only) {
   Coupling* coupling = nullptr;
   for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
     const TouchLink& touch = minimand.touches[i];
-    if (!couples(touch) || !touch.meet) continue;
+    if (!couples(touch) || !touch.carries) continue;
     const std::uint64_t key = keyOf(touch);
     if (coupling == nullptr || coupling->key != key) coupling = find(key);
     const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];

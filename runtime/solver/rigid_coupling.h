@@ -26,10 +26,9 @@ class RigidCoupling {
 
   /// Memory for so many pieces.
   void reserve(std::size_t pieces, std::size_t touches);
-  /// \param meeting_only of touches A has those of pairs of pieces of which one touch pushes at the prediction or did
-  /// where last evaluated: a joint may open and close in a step, but what only passes by holds nothing; of contacts
-  /// those with such colliders. Else it has those that B has. \pre frames and systems are made
-  void make(const Minimand& minimand, bool meeting_only);
+  /// \param pushing_only A has the touches and contacts that push at the prediction or did where last evaluated: what
+  /// only passes by holds nothing. Else it has those that B has. \pre frames and systems are made
+  void make(const Minimand& minimand, bool pushing_only);
   /// Whether nothing but these holds a piece as a whole. \pre made of them alone
   bool frees(std::uint32_t piece) const { return node_of_[piece] != formats::kNone; }
   /// R^T g of all pieces. \param g size() floats of the minimand.

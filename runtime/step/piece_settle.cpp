@@ -52,7 +52,7 @@ void PieceStep::settle() {
 }
 
 void PieceStep::becomePermanent() {
-  objective_.placeAt(s_.d.data());
+  objective_.placeAt(s_.d.data(), s_.x.data());
   if (!flow(body_.package(), field_, s_.x.data(), h_, piece_.state.plastic)) return;
   invertPlasticity(piece_.state.plastic, piece_.rest_change);
   piece_.state.elastic = -1;

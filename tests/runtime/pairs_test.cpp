@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <array>
+#include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -79,6 +82,37 @@ TEST_F(PairsTest, GoOnWithOtherInertia) {
   EXPECT_LT((inverse(pairs, other * last) - last).norm(), 1e-4 * last.norm());
 }
 
+// The place of a pair that says nothing is that of the oldest one, which then counts no more.
+TEST_F(PairsTest, ForgetTheOldestWhenTheNextOneIsOfNoUse) {
+  const Eigen::VectorXd from = some(), to = some();
+  pairs.take(padded(from).data(), padded(to).data(), padded(to).data(), padded(from).data());
+  EXPECT_EQ(pairs.count(), kKept - 1);
+  EXPECT_LT((inverse(pairs, hessian * last) - last).norm(), 1e-4 * last.norm());
+}
+
+// Nocedal and Wright 2006, algorithm 7.4, about the identity.
+TEST_F(PairsTest, AreThoseOfTheTwoLoops) {
+  Pairs few(2, std::pmr::get_default_resource());
+  few.reserve(kFloats);
+  few.start(kFloats);
+  std::array<Eigen::VectorXd, 2> s, y;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Eigen::VectorXd from = some(), to = some();
+    few.take(padded(from).data(), padded(to).data(), padded(hessian * from).data(), padded(hessian * to).data());
+    s[i] = to - from;
+    y[i] = hessian * s[i];
+  }
+  const Eigen::VectorXd g = some();
+  Eigen::VectorXd q = g;
+  std::array<double, 2> alpha;
+  for (const std::size_t i : {1U, 0U}) {
+    alpha[i] = s[i].dot(q) / s[i].dot(y[i]);
+    q -= alpha[i] * y[i];
+  }
+  for (const std::size_t i : {0U, 1U}) q += (alpha[i] - y[i].dot(q) / s[i].dot(y[i])) * s[i];
+  EXPECT_LT((inverse(few, g) - q).norm(), 1e-5 * q.norm());
+}
+
 TEST_F(PairsTest, EndWhereTheirCurvatureIsNotPositive) {
   pairs.carry(-1e6F);
   EXPECT_EQ(pairs.count(), 0U);
@@ -105,27 +139,30 @@ TEST(Vectors, MultiplyAndStepAlikeForAllInstructionSets) {
     return numbers;
   };
   for (std::uint32_t n = 0; n <= 136; n += 4) {
-    const std::vector<float> a = some(n), b = some(n), with = some(n);
-    double product = 0, stepped = 0, size = 0;
+    const std::vector<float> a = some(n), b = some(n);
+    const float* const vectors[] = {a.data(), b.data()};
+    const float factors[] = {0.7F, -0.2F};
+    double product = 0, size = 0;
     for (std::uint32_t i = 0; i < n; ++i) {
       product += double(a[i]) * double(b[i]);
-      stepped += double(with[i]) * (double(b[i]) + 0.7 * double(a[i]));
-      size += std::abs(double(a[i])) + std::abs(double(with[i]));
+      size += std::abs(double(a[i]));
     }
-    std::vector<double> expected;
+    double expected = std::numeric_limits<double>::quiet_NaN();
     for (const char* name : {"portable", "sse42", "avx2", "avx512"}) {
       const Kernels* table = kernelsNamed(name);
       if (table == nullptr) continue;
       std::vector<float> to = b;
-      std::vector<double> found = {table->dot(a.data(), b.data(), n),
-                                   table->add_then_dot(0.7F, a.data(), to.data(), with.data(), n)};
-      EXPECT_NEAR(found[0], product, 1e-6 * size) << n << ' ' << name;
-      EXPECT_NEAR(found[1], stepped, 1e-6 * size) << n << ' ' << name;
-      for (std::uint32_t i = 0; i < n; ++i) EXPECT_EQ(to[i], b[i] + a[i] * 0.7F) << n << ' ' << name;
-      if (expected.empty()) expected = found;
+      const double found = table->dot(a.data(), b.data(), n);
+      EXPECT_NEAR(found, product, 1e-6 * size) << n << ' ' << name;
+      if (std::isnan(expected)) expected = found;
       EXPECT_EQ(found, expected) << n << ' ' << name;
+      const std::uint32_t begin = n / 8 * 4;
+      table->add_all(2, factors, vectors, to.data(), begin, n);
+      for (std::uint32_t i = 0; i < n; ++i) {
+        EXPECT_EQ(to[i], i < begin ? b[i] : (b[i] + a[i] * 0.7F) + b[i] * -0.2F) << n << ' ' << name;
+      }
     }
-    EXPECT_FALSE(expected.empty());
+    EXPECT_FALSE(std::isnan(expected));
   }
 }
 
