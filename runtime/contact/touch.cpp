@@ -143,14 +143,11 @@ std::size_t pointFloats(const Field& field) { return 3 * ((field.points.size() +
 Range TouchList::add(const TouchList& other) {
   const Range range = {std::uint32_t(touches.size()), std::uint32_t(other.touches.size())};
   const auto first_row = std::uint32_t(rows.size());
-  touches.resize(touches.size() + other.touches.size());
-  rows.resize(rows.size() + other.rows.size());
-  std::copy(other.rows.begin(), other.rows.end(), rows.begin() + first_row);
-  for (std::uint32_t i = 0; i < range.count; ++i) {
-    FoundTouch& copy = touches[range.first + i];
-    copy = other.touches[i];
-    copy.row_a += first_row;
-    copy.row_b += first_row;
+  touches.append({other.touches.data(), other.touches.size()});
+  rows.append({other.rows.data(), other.rows.size()});
+  for (FoundTouch* touch = touches.begin() + range.first; touch != touches.end(); ++touch) {
+    touch->row_a += first_row;
+    touch->row_b += first_row;
   }
   return range;
 }

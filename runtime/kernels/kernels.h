@@ -38,9 +38,8 @@ struct Kernels {
   void (*add_pulls)(const PushSideArguments& arguments);
   void (*add_bends)(const PushSideArguments& arguments);
   double (*dot)(const float* a, const float* b, std::uint32_t n);  ///< n a multiple of four
-  /// to += sum of factors[i] vectors[i], from begin to end, multiples of four
-  void (*add_all)(std::uint32_t count, const float* factors, const float* const* vectors, float* to,
-                  std::uint32_t begin, std::uint32_t end);
+  /// to += factor a. \return its product with another vector, which may be itself
+  double (*add_then_dot)(float factor, const float* a, float* to, const float* with, std::uint32_t n);
   const AttachKernels& attach;
 };
 

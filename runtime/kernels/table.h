@@ -34,8 +34,7 @@ double pushRubsOf(const PushArguments& a);
 void addPullsOf(const PushSideArguments& a);
 void addBendsOf(const PushSideArguments& a);
 double dotOf(const float* a, const float* b, std::uint32_t n);
-void addAllOf(std::uint32_t count, const float* factors, const float* const* vectors, float* to, std::uint32_t begin,
-              std::uint32_t end);
+double addThenDotOf(float factor, const float* a, float* to, const float* with, std::uint32_t n);
 
 }  // namespace sinew::internal::SINEW_NARROW_KERNELS
 
@@ -58,9 +57,8 @@ double pushRubsOf(const PushArguments& a) { return pushRubs(a); }
 void addPullsOf(const PushSideArguments& a) { addPulls(a); }
 void addBendsOf(const PushSideArguments& a) { addBends(a); }
 double dotOf(const float* a, const float* b, std::uint32_t n) { return dot(a, b, n); }
-void addAllOf(std::uint32_t count, const float* factors, const float* const* vectors, float* to, std::uint32_t begin,
-              std::uint32_t end) {
-  addAll(count, factors, vectors, to, begin, end);
+double addThenDotOf(float factor, const float* a, float* to, const float* with, std::uint32_t n) {
+  return addThenDot(factor, a, to, with, n);
 }
 #endif
 
@@ -82,7 +80,7 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::addPullsOf,
           narrow::addBendsOf,
           narrow::dotOf,
-          narrow::addAllOf,
+          narrow::addThenDotOf,
           narrow::kAttach};
 }
 

@@ -51,37 +51,24 @@ struct ProductOf {
   }
 };
 
+struct SteppedProductOf {
+  float factor;
+  const float* a;
+  float* to;
+  const float* with;
+  template <class F>
+  SINEW_INLINE F at(std::uint32_t i) const {
+    const F stepped = load<F>(to + i) + load<F>(a + i) * factor;
+    store(to + i, stepped);
+    return load<F>(with + i) * stepped;
+  }
+};
+
 static double dot(const float* a, const float* b, std::uint32_t n) { return sumOver(n, ProductOf{a, b}); }
 
-/// to += sum of factors[i] vectors[i], from begin to end, multiples of four.
-static void addAll(std::uint32_t count, const float* factors, const float* const* vectors, float* to,
-                   std::uint32_t begin, std::uint32_t end) {
-  std::uint32_t j = begin;
-  for (; j + 32 <= end; j += 32) {
-    Float8 first = load8(to + j), second = load8(to + j + 8), third = load8(to + j + 16), fourth = load8(to + j + 24);
-    for (std::uint32_t i = 0; i < count; ++i) {
-      const float* const a = vectors[i] + j;
-      const float factor = factors[i];
-      first += load8(a) * factor;
-      second += load8(a + 8) * factor;
-      third += load8(a + 16) * factor;
-      fourth += load8(a + 24) * factor;
-    }
-    store8(to + j, first);
-    store8(to + j + 8, second);
-    store8(to + j + 16, third);
-    store8(to + j + 24, fourth);
-  }
-  for (; j + 8 <= end; j += 8) {
-    Float8 sum = load8(to + j);
-    for (std::uint32_t i = 0; i < count; ++i) sum += load8(vectors[i] + j) * factors[i];
-    store8(to + j, sum);
-  }
-  if (j < end) {
-    Float4 sum = load<Float4>(to + j);
-    for (std::uint32_t i = 0; i < count; ++i) sum += load<Float4>(vectors[i] + j) * factors[i];
-    store(to + j, sum);
-  }
+/// to += factor a. \return its product with another vector, which may be itself
+static double addThenDot(float factor, const float* a, float* to, const float* with, std::uint32_t n) {
+  return sumOver(n, SteppedProductOf{factor, a, to, with});
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -50,10 +50,16 @@ void ArrayBytes::resize(Element element, std::size_t count, const void* like) {
   size_ = count;
 }
 
+void ArrayBytes::append(Element element, const void* from, std::size_t count) {
+  if (size_ + count > capacity_) reserve(element, std::max(size_ + count, 2 * size_));
+  if (count > 0) std::memcpy(data_ + size_ * element.bytes, from, count * element.bytes);
+  size_ += count;
+}
+
 void ArrayBytes::assign(Element element, const void* from, std::size_t count) {
   reserve(element, count);
-  if (count > 0) std::memcpy(data_, from, count * element.bytes);
-  size_ = count;
+  clear();
+  append(element, from, count);
 }
 
 void ArrayBytes::insert(Element element, std::size_t index, const void* value) {

@@ -43,6 +43,7 @@ class ArrayBytes {
   void grow(Element element);
   /// \param like new elements are copies of it; null: zeros.
   void resize(Element element, std::size_t count, const void* like);
+  void append(Element element, const void* from, std::size_t count);
   void assign(Element element, const void* from, std::size_t count);
   /// \param value behind the last it may be an element.
   void insert(Element element, std::size_t index, const void* value);
@@ -102,6 +103,8 @@ class Array : public ArrayBytes {
   }
   /// \param like none of the array's own elements.
   void resize(std::size_t count, const T& like) { ArrayBytes::resize(kElement, count, &like); }
+  /// Adds copies of none of its own elements.
+  void append(std::span<const T> from) { ArrayBytes::append(kElement, from.data(), from.size()); }
   void assign(std::span<const T> from) { ArrayBytes::assign(kElement, from.data(), from.size()); }
   /// A new last element, as resize() makes it.
   T& add() {

@@ -79,6 +79,8 @@ struct TouchRow {
   std::uint32_t key;    ///< of what touches: rows of one key are alike from step to step
   std::uint32_t touch;  ///< Minimand::touches
   float sign;           ///< of its force on the piece
+  /// 1 and the arm of its point about the centre of the piece, at rest, m; of two points of one piece their difference.
+  Eigen::Vector4f moments;
 };
 
 /// Memory of a minimization, for one piece after the other. Arrays of coefficients are k x 4 floats.

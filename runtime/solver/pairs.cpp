@@ -35,12 +35,15 @@ auto sumOfParts(JobSystem* jobs, std::uint32_t n, const SumOf& sumOf) {
   return sum;
 }
 
-/// to += sum of factors[i] vectors[i].
-void addAll(JobSystem* jobs, std::uint32_t count, const float* factors, const float* const* vectors, float* to,
-            std::uint32_t n) {
-  forEach(jobs, (n + kFloatsAJob - 1) / kFloatsAJob, 1, [&](std::uint32_t i) {
-    const std::uint32_t begin = kFloatsAJob * i;
-    kernels().add_all(count, factors, vectors, to, begin, std::min(n, begin + kFloatsAJob));
+Eigen::Array3d productsOf(const float* a, const float* b, std::uint32_t n) {
+  const auto& dot = kernels().dot;
+  return {dot(a, b, n), dot(a, a, n), dot(b, b, n)};
+}
+
+/// to += factor a. \return its product with another vector
+double addThenDot(JobSystem* jobs, float factor, const float* a, float* to, const float* with, std::uint32_t n) {
+  return sumOfParts(jobs, n, [&](std::uint32_t begin, std::uint32_t end) {
+    return kernels().add_then_dot(factor, a + begin, to + begin, with + begin, end - begin);
   });
 }
 
@@ -63,74 +66,40 @@ void Pairs::carry(float identity) {
   fresh_ = false;
   if (identity == 0) return;
   for (std::uint32_t age = 0; age < count_; ++age) {
-    const float* const way = offset(slot(age));
-    kernels().add_all(1, &identity, &way, change(slot(age)), 0, n_);
-  }
-  findProducts();
-}
-
-void Pairs::findProducts() {
-  for (std::uint32_t newer = 0; newer < count_; ++newer) {
-    for (std::uint32_t age = newer; age < count_; ++age) {
-      products_[slot(age)][slot(newer)] = dot(offset(slot(age)), change(slot(newer)), n_);
-    }
-  }
-  for (std::uint32_t age = 0; age < count_; ++age) {
-    const double curvature = products_[slot(age)][slot(age)];
-    if (!(curvature > 0 && std::isfinite(curvature))) count_ = 0;
+    const std::uint32_t i = slot(age);
+    setCurvature(i, addThenDot(nullptr, identity, offset(i), change(i), offset(i), n_));
   }
 }
 
-Pairs::Products Pairs::productsWith(JobSystem* jobs, const Vectors& vectors, const float* with) const {
-  return sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
-    Products products = Products::Zero();
-    for (std::uint32_t i = 0; i < count_; ++i) {
-      products[i] = kernels().dot(vectors[i] + begin, with + begin, end - begin);
-    }
-    return products;
-  });
+void Pairs::setCurvature(std::uint32_t slot, double curvature) {
+  curvature_[slot] = curvature;
+  if (!(curvature > 0 && std::isfinite(curvature))) count_ = 0;
 }
 
 void Pairs::reduce(float* direction, JobSystem* jobs) {
-  Vectors offsets, changes;
-  for (std::uint32_t age = 0; age < count_; ++age) {
-    offsets[age] = offset(slot(age));
-    changes[age] = change(slot(age));
-  }
-  const Products products = productsWith(jobs, offsets, direction);
+  double product = count_ > 0 ? dot(offset(slot(0)), direction, n_, jobs) : 0;
   for (std::uint32_t age = 0; age < count_; ++age) {
     const std::uint32_t i = slot(age);
-    double product = products[age];
-    for (std::uint32_t newer = 0; newer < age; ++newer) product += double(factors_[newer]) * products_[i][slot(newer)];
-    factors_[age] = float(-product / products_[i][i]);
+    along_[i] = product / curvature_[i];
+    const float* const next = age + 1 < count_ ? offset(slot(age + 1)) : direction;
+    product = addThenDot(jobs, float(-along_[i]), change(i), direction, next, n_);
   }
-  addAll(jobs, count_, factors_.data(), changes.data(), direction, n_);
 }
 
 void Pairs::expand(float* direction, JobSystem* jobs) const {
-  Vectors offsets, changes;
-  for (std::uint32_t age = 0; age < count_; ++age) {
-    offsets[age] = offset(slot(age));
-    changes[age] = change(slot(age));
-  }
-  const Products products = productsWith(jobs, changes, direction);
-  std::array<float, kRoom> factors;
+  double product = count_ > 0 ? dot(change(slot(count_ - 1)), direction, n_, jobs) : 0;
   for (std::uint32_t age = count_; age-- > 0;) {
     const std::uint32_t i = slot(age);
-    double product = products[age];
-    for (std::uint32_t older = age + 1; older < count_; ++older) {
-      product += double(factors[older]) * products_[slot(older)][i];
-    }
-    factors[age] = float(-double(factors_[age]) - product / products_[i][i]);
+    const float* const next = age > 0 ? change(slot(age - 1)) : direction;
+    product = addThenDot(jobs, float(along_[i] - product / curvature_[i]), offset(i), direction, next, n_);
   }
-  addAll(jobs, count_, factors.data(), offsets.data(), direction, n_);
 }
 
 void Pairs::take(const float* from, const float* to, const float* gradient, const float* next_gradient,
                  JobSystem* jobs) {
   keep(sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
     propose(from, to, gradient, next_gradient, begin, end);
-    return nextProducts(begin, end);
+    return productsOf(nextOffset() + begin, nextChange() + begin, end - begin);
   }));
 }
 
@@ -143,29 +112,17 @@ void Pairs::propose(const float* from, const float* to, const float* gradient, c
   }
 }
 
-Pairs::Products Pairs::nextProducts(std::uint32_t begin, std::uint32_t end) const {
-  const auto& dot = kernels().dot;
-  const std::uint32_t n = end - begin, count = staying();
-  const float *const way = offset(next()) + begin, *const bend = change(next()) + begin;
-  Products products = Products::Zero();
-  for (std::uint32_t age = 0; age < count; ++age) products[age] = dot(offset(slot(age)) + begin, bend, n);
-  products[count] = dot(way, bend, n);
-  products[count + 1] = dot(way, way, n);
-  products[count + 2] = dot(bend, bend, n);
-  return products;
-}
-
-void Pairs::keep() { keep(nextProducts(0, n_)); }
+void Pairs::keep() { keep(productsOf(nextOffset(), nextChange(), n_)); }
 
 // The oldest one's place is taken, whether the next one is kept or not.
-void Pairs::keep(const Products& products) {
-  const std::uint32_t i = next(), count = staying();
-  count_ = count;
-  if (!(products[count] > kLeastCosine * std::sqrt(products[count + 1] * products[count + 2]))) return;
-  for (std::uint32_t age = 0; age < count; ++age) products_[slot(age)][i] = products[age];
-  products_[i][i] = products[count];
+void Pairs::keep(const Eigen::Array3d& products) {
+  const std::uint32_t i = next();
+  const double curvature = products[0];
+  count_ = std::min(count_, most_ - 1);
+  if (!(curvature > kLeastCosine * std::sqrt(products[1] * products[2]))) return;
+  curvature_[i] = curvature;
   newest_ = i;
-  count_ = count + 1;
+  ++count_;
   fresh_ = true;
 }
 
@@ -188,8 +145,8 @@ void Pairs::restore(std::uint32_t n, std::uint32_t count, const std::byte* from)
       std::memcpy(pair + j, from, 3 * sizeof(float));
       pair[j + 3] = 0;
     }
+    setCurvature(i, dot(offset(i), change(i), n_));
   }
-  findProducts();
 }
 
 }  // namespace sinew::internal

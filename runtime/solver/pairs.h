@@ -39,8 +39,7 @@ class Pairs {
   /// Whether there are pairs since start() or carry().
   bool fresh() const { return fresh_; }
 
-  /// The first half of the recursion, from the gradient; then comes the inverse of the first matrix. What the pairs'
-  /// own products say need not be asked of the vectors again, so these are gone over twice.
+  /// The first half of the recursion, from the gradient; then comes the inverse of the first matrix.
   void reduce(float* direction, JobSystem* jobs = nullptr);
   /// The second half.
   void expand(float* direction, JobSystem* jobs = nullptr) const;
@@ -62,19 +61,10 @@ class Pairs {
   void restore(std::uint32_t n, std::uint32_t count, const std::byte* from);
 
  private:
-  static constexpr std::uint32_t kRoom = 8;
-  /// One a pair; of a new one also those that say whether it is kept.
-  using Products = Eigen::Array<double, kRoom + 2, 1>;
-  using Vectors = std::array<const float*, kRoom>;
-
-  Products productsWith(JobSystem* jobs, const Vectors& vectors, const float* with) const;
-  /// Pairs that stay when another comes.
-  std::uint32_t staying() const { return count_ < most_ ? count_ : most_ - 1; }
-  /// Of the next change with the offsets of those that stay and its own; of the next offset and of it with themselves.
-  Products nextProducts(std::uint32_t begin, std::uint32_t end) const;
-  void keep(const Products& products);
-  /// Products of all pairs. One whose own is not positive ends all.
-  void findProducts();
+  /// \param products of offset and change, of the offset and of the change with themselves
+  void keep(const Eigen::Array3d& products);
+  /// One that is not positive ends all.
+  void setCurvature(std::uint32_t slot, double curvature);
   std::uint32_t next() const { return (newest_ + 1) % most_; }
   std::uint32_t slot(std::uint32_t age) const { return (newest_ + most_ - age) % most_; }
   float* offset(std::uint32_t slot) { return values_.data() + std::size_t(2 * n_) * slot; }
@@ -82,11 +72,11 @@ class Pairs {
   const float* offset(std::uint32_t slot) const { return values_.data() + std::size_t(2 * n_) * slot; }
   const float* change(std::uint32_t slot) const { return offset(slot) + n_; }
 
+  static constexpr std::uint32_t kRoom = 8;
+
   std::uint32_t most_, n_ = 0, count_ = 0, newest_ = 0;  // the pairs lie in a ring
   bool fresh_ = false;
-  std::array<float, kRoom> factors_ = {};  ///< of the changes in reduce(), by age
-  /// products_[i][j]: of the offset of slot i and the change of slot j, which is not older.
-  std::array<std::array<double, kRoom>, kRoom> products_ = {};
+  std::array<double, kRoom> curvature_ = {}, along_ = {};
   Array<float> values_;
 };
 

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "runtime/clusters/algebra.h"
 #include "runtime/solver/for_each.h"
 #include "runtime/solver/minimize.h"
 
@@ -103,12 +104,13 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     if (carries) carrying += own;
   };
   for (const Contact& contact : objective.scratch->contacts) {
-    add(contact.firm, momentsOf(field, contact.phi), contact.carries);
+    const Vector3d arm = asVector(field.points[contact.point].at).cast<double>() - field.rest_center;
+    add(contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries);
   }
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
   turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
-    const Eigen::Vector4d at = momentsOf(field, touch.phi);
+    const Eigen::Vector4d at = touch.moments.cast<double>();
     add(touch.firm, at, minimand.touches[touch.touch].carries);
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }

@@ -166,9 +166,16 @@ void Island::gatherRows() {
     const TouchLink& touch = s.touches[i];
     const FoundTouch& found = *found_[i];
     const std::uint32_t key = keyOf(found.memory);
-    s.rows[s.next_row[touch.a]++] = {all_rows_.data() + found.row_a, touch.kappa, key, i, 1};
+    const auto momentsAbout = [this](std::uint32_t member, const Eigen::Vector3f& at) {
+      const Eigen::Vector3f arm = at - piece(member).field().rest_center.cast<float>();
+      return Eigen::Vector4f(1, arm[0], arm[1], arm[2]);
+    };
+    Eigen::Vector4f a = momentsAbout(touch.a, asVector(piece(touch.a).field().points[found.memory.point].at));
+    const Eigen::Vector4f b = momentsAbout(touch.b, found.place);
+    if (touch.a == touch.b) a -= b;
+    s.rows[s.next_row[touch.a]++] = {all_rows_.data() + found.row_a, touch.kappa, key, i, 1, a};
     if (touch.a != touch.b) {
-      s.rows[s.next_row[touch.b]++] = {all_rows_.data() + found.row_b, touch.kappa, ~key, i, -1};
+      s.rows[s.next_row[touch.b]++] = {all_rows_.data() + found.row_b, touch.kappa, ~key, i, -1, b};
     }
   }
 }

@@ -252,7 +252,7 @@ TEST(Touch, ASnapshotGoesOnBitForBit) {
 }
 
 // Sides in line and twice as many points on a face as carry: at edges the nearest way out is another one in each step.
-// Steps that are solved to the end leave 7e-4 m/s of the column's sway.
+// The column sways: at 4 s by up to 1.3e-3 m/s where each step is solved to its end, and as much in a few iterations.
 TEST(Touch, TenInLineRestAtAnyRate) {
   const auto asset = touchingBox({1, 1, 1}, 6);
   for (const auto& [even, odd] : {std::pair{60.0F, 60.0F}, {240.0F, 240.0F}, {60.0F, 240.0F}}) {
@@ -268,7 +268,7 @@ TEST(Touch, TenInLineRestAtAnyRate) {
       bodies.push_back(*world.addBody(asset, at));
     }
     float seconds = 0;
-    for (int i = 0; seconds < 4; ++i) {
+    for (int i = 0; seconds < 5; ++i) {
       const float step = 1 / (i % 2 == 0 ? even : odd);
       world.step(step);
       seconds += step;
@@ -590,7 +590,7 @@ TEST(Touch, ARockingColumnIsSolvedInAFewIterations) {
     left.push_back((placesOf() - exact).norm() / (before - exact).norm());
   }
   std::nth_element(left.begin(), left.begin() + 20, left.end());
-  EXPECT_LT(left[20], 1.05e-4);
+  EXPECT_LT(left[20], 3e-4);  // 7.5e-4 without the coarse level
 }
 
 // What trembles goes nowhere, however fast.
