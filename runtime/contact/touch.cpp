@@ -23,8 +23,9 @@ constexpr double kNear = 2e-4;
 constexpr float kMostTraced = 256;
 /// Functions of a field at most (FieldRange::function_count).
 constexpr std::size_t kMostFunctions = 1024;
-/// Steps of a way out, each as long as the surface is far.
-constexpr int kLeaving = 16;
+/// Steps of a way out, each as long as the surface is far: along a side that is s away, a way of length L takes L / s.
+/// Beside the margin, 0.002 diagonals, so many reach an eighth of a diagonal.
+constexpr int kLeaving = 64;
 /// Points that are looked at together.
 constexpr int kBlock = 8;
 /// So near points of one piece are, of the distance between neighbours, where its surface may touch itself.
