@@ -399,6 +399,20 @@ std::uint32_t pointAt(const Asset& asset, const Eigen::Vector3f& place) {
       points.begin());
 }
 
+// A corner that pushes is not let go where its way out, beside a side that is near, is a long one.
+TEST(Touch, ACornerStaysUnderWhatItPushes) {
+  const auto asset = touchingBox({1, 1, 1});
+  const SeenPiece upper(asset, 2, [](const Vector3d& x) { return x; });
+  const std::uint32_t corner = pointAt(*asset, {-0.5F, 0.5F, -0.5F});
+  for (const float deep : {0.005F, 0.01F, 0.02F, 0.04F}) {
+    const Vector3d at(-0.476, -0.5 + double(deep), -0.495);
+    const SeenPiece lower(asset, 1, [&](const Vector3d& x) { return Vector3d(x + at - Vector3d(-0.5, 0.5, -0.5)); });
+    const std::vector<internal::TouchMemory> known = {
+        {1, 0, 2, 0, corner, 0, deep, 3e6F, {-0.476F, -0.5F, -0.495F}, {0, -0.954F, -0.3F}}};
+    EXPECT_NE(SeenTouches(lower, upper, known).of(corner), nullptr) << deep;
+  }
+}
+
 // A surface that is round between its contact points reaches beyond the box around them.
 TEST(Touch, FindsWhatIsUnderTheSurfaceBetweenContactPoints) {
   BoxOptions options;
