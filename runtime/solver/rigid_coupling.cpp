@@ -120,6 +120,7 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
 
 namespace {
 
+/// Marks what A has.
 void findCarrying(const Minimand& minimand, bool pushing_only) {
   for (TouchLink& touch : minimand.touches) {
     touch.carries = !pushing_only || minimand.lanes->predictedGap(touch.slot) < 0 || minimand.pushes(touch);

@@ -29,7 +29,7 @@ class RigidCoupling {
   /// \param pushing_only A has the touches and contacts that push at the prediction or did where last evaluated: what
   /// only passes by holds nothing. Else it has those that B has. \pre frames and systems are made
   void make(const Minimand& minimand, bool pushing_only);
-  /// Whether nothing but these holds a piece as a whole. \pre made of them alone
+  /// Whether only what pushes holds a piece as a whole. \pre made with `pushing_only`
   bool frees(std::uint32_t piece) const { return node_of_[piece] != formats::kNone; }
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);

@@ -25,6 +25,27 @@ using Eigen::Vector3d;
 
 constexpr float kStep = 1.0F / 60;
 
+/// Settings of bodies that lie on the ground.
+WorldSettings onGround() {
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  return settings;
+}
+
+/// Cubes of 1 m in line on the ground.
+std::vector<BodyId> addColumn(World& world, const std::shared_ptr<const Asset>& asset, int count, float apart,
+                              float stiffness_scale) {
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < count; ++i) {
+    BodySettings at;
+    at.position = {0, 0.5F + apart * float(i), 0};
+    at.stiffness_scale = stiffness_scale;
+    bodies.push_back(*world.addBody(asset, at));
+  }
+  return bodies;
+}
+
 BodyId addMoving(World& world, const std::shared_ptr<const Asset>& asset, const Vec3& position, const Vec3& velocity) {
   BodySettings settings;
   settings.position = position;
@@ -256,17 +277,8 @@ TEST(Touch, ASnapshotGoesOnBitForBit) {
 TEST(Touch, TenInLineRestAtAnyRate) {
   const auto asset = touchingBox({1, 1, 1}, 6);
   for (const auto& [even, odd] : {std::pair{60.0F, 60.0F}, {240.0F, 240.0F}, {60.0F, 240.0F}}) {
-    WorldSettings settings;
-    settings.collisions = true;
-    settings.ground.enabled = true;
-    World world(settings);
-    std::vector<BodyId> bodies;
-    for (int i = 0; i < 10; ++i) {
-      BodySettings at;
-      at.position = {0, 0.5F + 1.001F * float(i), 0};
-      at.stiffness_scale = 30;
-      bodies.push_back(*world.addBody(asset, at));
-    }
+    World world(onGround());
+    const std::vector<BodyId> bodies = addColumn(world, asset, 10, 1.001F, 30);
     float seconds = 0;
     for (int i = 0; seconds < 5; ++i) {
       const float step = 1 / (i % 2 == 0 ? even : odd);
@@ -564,17 +576,8 @@ TEST(Touch, ManyBentBodiesSettleInAFewIterations) {
 // Of a column that rocks joints open and close within a step. One step says little: what is left scatters tenfold.
 TEST(Touch, ARockingColumnIsSolvedInAFewIterations) {
   const auto asset = touchingBox({1, 1, 1});
-  WorldSettings settings;
-  settings.collisions = true;
-  settings.ground.enabled = true;
-  World column(settings);
-  std::vector<BodyId> bodies;
-  for (int i = 0; i < 8; ++i) {
-    BodySettings at;
-    at.position = {0, 0.5F + 0.999F * float(i), 0};
-    at.stiffness_scale = 10;
-    bodies.push_back(*column.addBody(asset, at));
-  }
+  World column(onGround());
+  const std::vector<BodyId> bodies = addColumn(column, asset, 8, 0.999F, 10);
   for (int i = 0; i < 180; ++i) column.step(kStep);
   for (const BodyId body : bodies) {
     const auto x = column.positions(body);
