@@ -480,13 +480,18 @@ class TouchSearch {
       Vector3f nearer, there;
       if (leaves(place, distance, way, nearer, there)) left_at = nearer, facing = there;
     }
-    touch.place = left_at;
-    if (!b_.map->locate(touch.place, material_)) return;
+    touch.left_at = left_at;
+    if (!b_.map->locate(left_at, material_)) return;
     touch.entered = entered;
     touch.gradient = corners_.gradientAt(material_);
     if (!(touch.gradient.determinant() > 0)) touch.gradient = b_.turn;
     const Vector3f normal = cofactorOf(touch.gradient) * facing;
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
+    const Vector3f over = at - corners_.placeOf(material_);
+    // The normal turns with b, and so do what lies along it and across: their change is how the two move apart where
+    // the point is, not where its way out ends. So neither turns the other as no force between two can.
+    touch.place = place;
+    if (!b_.map->locate(place, material_)) return;
     const std::size_t first = list_.rows.size();
     list_.rows.resize(first + field_a.k + field_b.k);
     touch.row_a = std::uint32_t(first);
@@ -494,11 +499,11 @@ class TouchSearch {
     float *const row_a = list_.rows.data() + first, *const row_b = row_a + field_a.k;
     for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] = field_a.valueAtPoint(p, j);
     setRow(field_b, material_, row_b);
+    const Vector3f apart_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
+    const Vector3f motion = at - corners_.placeOf(material_) - apart_before;
     Touch& t = touch.touch;
     t.normal = normal.normalized();
-    const Vector3f over = at - corners_.placeOf(material_);
-    const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
-    const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
+    const float gap = t.normal.dot(over), gap_before = gap - t.normal.dot(motion);
     // A point that starts inside finds the surface where it is, and rising: as far as a step brings it out beyond its
     // load, so that a stuck one is no spring that winds up and a carrier does not sink. One from outside is
     // pressed in no deeper than it was where its way out is another one.
@@ -509,7 +514,6 @@ class TouchSearch {
     t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low));
     t.gap = gap - t.floor;
     touch.coming = (gap_before - gap) / float(h_);
-    const Vector3f motion = over - over_before;
     const auto across = [&](const Vector3f& v) { return Vector3f(v - t.normal.dot(v) * t.normal); };
     t.friction = std::sqrt(a_.friction * b_.friction);
     t.slide = across(motion);
@@ -645,7 +649,7 @@ TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
   if (found.held && length <= most) return memory;
   if (length > most) slide *= most / length;
   const Vector3f over = found.over + moved;
-  const Vector3f anchor = found.place + boundedInverse(found.gradient) * (over - touch.normal.dot(over) * touch.normal -
+  const Vector3f anchor = found.left_at + boundedInverse(found.gradient) * (over - touch.normal.dot(over) * touch.normal -
                                                                           slide - (touch.lag - lag * touch.normal));
   memory.anchor = {anchor[0], anchor[1], anchor[2]};
   return memory;

@@ -74,9 +74,10 @@ struct FoundTouch {
   float coming;              ///< speed at which it comes, m/s
   bool entered;              ///< on its way in this step
   Eigen::Matrix3f gradient;  ///< of b's deformation there; its turn where that is turned inside out
-  Eigen::Vector3f place;     ///< rest place of b that it pushes at, metres
+  Eigen::Vector3f place;     ///< rest place of b that it pushes at: where the point is, metres
+  Eigen::Vector3f left_at;   ///< where its way out of b's rest shape ends, metres
   Eigen::Vector3f before;    ///< how far it was pressed in and slid before the step, m
-  Eigen::Vector3f over;      ///< from there to a's point, at the prediction, metres
+  Eigen::Vector3f over;      ///< from left_at to a's point, at the prediction, metres
 };
 
 struct TouchList {

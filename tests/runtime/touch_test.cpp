@@ -380,6 +380,9 @@ struct SeenPiece {
     seen.points = points;
     internal::placePoints(seen);
   }
+  Vector3d placeOf(const float* row) const {
+    return internal::sumOfRows(row, coefficients.data(), seen.field->k).matrix().head<3>().cast<double>();
+  }
   std::shared_ptr<const Asset> asset;
   std::vector<float> coefficients, points;
   internal::TouchingPiece seen;
@@ -463,8 +466,25 @@ TEST(Touch, GoesOnWhereItWas) {
     known.outward = {0, 1, 0};
     const SeenTouches touches(over, under, {known});
     ASSERT_NE(touches.of(corner), nullptr) << along;
-    EXPECT_NEAR(touches.of(corner)->place[0], along, 1e-3F) << along;
-    EXPECT_NEAR(touches.of(corner)->place[1], 0.5F, 1e-3F) << along;
+    EXPECT_NEAR(touches.of(corner)->left_at[0], along, 1e-3F) << along;
+    EXPECT_NEAR(touches.of(corner)->left_at[1], 0.5F, 1e-3F) << along;
+  }
+}
+
+// Two that push each other at different places would turn themselves.
+TEST(Touch, PushesBothWhereThePointIs) {
+  const auto box = touchingBox({1, 1, 1});
+  const auto bend = [](const Vector3d& x) { return Vector3d(x[0] + 0.3 * x[1], x[1], x[2] - 0.2 * x[1]); };
+  const SeenPiece under(box, 1, bend);
+  const std::uint32_t corner = pointAt(*box, {-0.5F, -0.5F, -0.5F});
+  for (const float deep : {0.01F, 0.05F, 0.1F}) {
+    const Vector3d place = bend(Vector3d(0.1, 0.5 - double(deep), 0.2));
+    const SeenPiece over(box, 0, [&](const Vector3d& x) { return Vector3d(x + place + Vector3d(0.5, 0.5, 0.5)); });
+    const SeenTouches touches(over, under);
+    const internal::FoundTouch* const touch = touches.of(corner);
+    ASSERT_NE(touch, nullptr) << deep;
+    EXPECT_NEAR(touch->touch.gap + touch->touch.floor, -deep, 1e-3F) << deep;
+    EXPECT_LT((under.placeOf(touches.list.rows.data() + touch->row_b) - place).norm(), 5e-4) << deep;
   }
 }
 
