@@ -649,8 +649,9 @@ TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
   if (found.held && length <= most) return memory;
   if (length > most) slide *= most / length;
   const Vector3f over = found.over + moved;
-  const Vector3f anchor = found.left_at + boundedInverse(found.gradient) * (over - touch.normal.dot(over) * touch.normal -
-                                                                          slide - (touch.lag - lag * touch.normal));
+  const Vector3f anchor =
+      found.left_at + boundedInverse(found.gradient) *
+                          (over - touch.normal.dot(over) * touch.normal - slide - (touch.lag - lag * touch.normal));
   memory.anchor = {anchor[0], anchor[1], anchor[2]};
   return memory;
 }
