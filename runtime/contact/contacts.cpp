@@ -143,39 +143,62 @@ class Search {
     }
     Candidate found = {p, number, touched != nullptr, Vector3d::Zero(), 0};
     found.from = from;
-    if (touched != nullptr && double(touched->floor) < -margin_ && collider.shape.isConvex()) {
-      // It still comes out: by the way that was chosen for all.
+    // The plane of the last step, as far as the collider reaches.
+    const auto staysAt = [&](const Vector3d& place) {
+      if (touched == nullptr || !(collider.shape.near(place, margin_).distance < margin_)) return false;
       found.normal = Eigen::Map<const Vector3d>(touched->normal.data());
       found.offset = found.normal.dot(from) - height;
-    } else if (PathHit hit; collider.shape.enters(start, to, hit)) {
+      return true;
+    };
+    // What began inside a convex collider still comes out, by the way that was chosen for all.
+    const bool comes_out =
+        touched != nullptr && double(touched->floor) < -margin_ && collider.shape.isConvex() && staysAt(from);
+    if (PathHit hit; !comes_out && collider.shape.enters(start, to, hit)) {
       found.normal = hit.normal;
       found.offset = hit.normal.dot(start + hit.part * (to - start));
-    } else {
-      const NearPlace place = collider.shape.near(to, margin_ + (to - start).norm());
+    } else if (!comes_out) {
+      const double reach = margin_ + (to - start).norm();
+      NearPlace place = collider.shape.near(to, reach);
       if (place.distance < margin_) {
         if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
+        Vector3d at = to;
+        if (const NearPlace before = collider.shape.near(from, reach); touched == nullptr && before.distance < 0) {
+          place = before, at = from;  // a prediction may lie beyond
+        }
         found.normal = place.normal;
-        found.offset = place.normal.dot(to) - place.distance;
+        found.offset = place.normal.dot(at) - place.distance;
         found.inside = touched == nullptr && place.normal.dot(from) < found.offset - margin_;
-      } else {
-        if (touched == nullptr) return;
-        // A prediction that goes on as a thin part sprang leads away from what that part lies on.
-        found.normal = Eigen::Map<const Vector3d>(touched->normal.data());
-        found.offset = found.normal.dot(from) - height;
+      } else if (!staysAt(start)) {  // a prediction that goes on as a thin part sprang leads away from what it lies on
+        return;
       }
     }
+    found.touched = touched != nullptr;
     found.near_before = found.normal.dot(from) - found.offset < margin_;
     lent_.candidates.push_back(found);
   }
 
   /// A piece that begins within a convex collider leaves by one way, the shortest for all points there (the depth of
-  /// two convex shapes): by ways of their own, to several sides, they would tear it apart.
+  /// two convex shapes): by ways of their own, to several sides, they would tear it apart. Points that came in beside
+  /// others, pressed there by what is around them, leave as these do.
   void chooseWays() {
     for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
       if (!step_.colliders[c]->shape.isConvex()) continue;
       const auto isIt = [c](const Candidate& candidate) { return candidate.collider == c && candidate.inside; };
       const Candidate* best = nullptr;
       double least = 0;
+      bool follow = false;
+      for (Candidate& candidate : lent_.candidates) {
+        if (!isIt(candidate)) continue;
+        least = std::numeric_limits<double>::infinity();
+        const Candidate* way = nullptr;
+        for (const Candidate& other : lent_.candidates) {
+          const double depth = other.offset - other.normal.dot(candidate.from);
+          if (other.collider == c && other.touched && depth < least) way = &other, least = depth;
+        }
+        if (way != nullptr) candidate.normal = way->normal, candidate.offset = way->offset, follow = true;
+      }
+      if (follow) continue;
+      least = 0;
       for (const Candidate& way : lent_.candidates) {
         if (!isIt(way)) continue;
         double depth = 0;
@@ -195,7 +218,7 @@ class Search {
   /// Calls visit(candidates) for each collider that has some: they lie side by side.
   template <class Visit>
   void forEachCollider(const Visit& visit) const {
-    const std::span<const Candidate> all = lent_.candidates;
+    const std::span<Candidate> all(lent_.candidates.data(), lent_.candidates.size());
     for (std::size_t first = 0, end = 0; first < all.size(); first = end) {
       while (end < all.size() && all[end].collider == all[first].collider) ++end;
       visit(all.subspan(first, end - first));
@@ -216,18 +239,20 @@ class Search {
       if (takenBy(share + step) <= kMostCarrying) share += step;
     }
     std::size_t left = kMostCarrying - takenBy(share);
-    forEachCollider([&](std::span<const Candidate> of_one) {
+    forEachCollider([&](std::span<Candidate> of_one) {
       std::size_t count = std::min(of_one.size(), share);
       if (count < of_one.size() && left > 0) ++count, --left;
       const auto before = std::size_t(std::count_if(of_one.begin(), of_one.end(),
                                                     [](const Candidate& candidate) { return candidate.near_before; }));
       std::size_t first = std::min(before, count), others = count - first;
       std::size_t more = count * (kMostContacts - kMostCarrying) / kMostCarrying;
-      for (const Candidate& candidate : of_one) {
+      for (Candidate& candidate : of_one) {
         std::size_t& allowed = !candidate.near_before ? others : first > 0 ? first : more;
         if (allowed == 0) continue;
         --allowed;
-        if (&allowed != &more || touchedBefore(candidate) != nullptr) add(candidate);
+        const TouchingPoint* const touched = touchedBefore(candidate);
+        candidate.carries = &allowed != &more || (touched != nullptr && touched->depth > 0);
+        if (candidate.carries) add(candidate);
       }
     });
     for (std::size_t i = 0; i < scratch_.contacts.size(); ++i) {
@@ -236,8 +261,6 @@ class Search {
       for (std::uint32_t j = 0; j < field_.k; ++j) row[j] = field_.valueAtPoint(contact.point, j);
       contact.phi = row;
     }
-    giveWay();
-    for (Contact& contact : scratch_.contacts) contact.firm = contact.kappa;
   }
 
   const TouchingPoint* touchedBefore(const Candidate& candidate) const {
@@ -255,6 +278,9 @@ class Search {
     Contact contact = {};
     contact.point = candidate.point;
     contact.collider = candidate.collider;
+    contact.at = at;
+    contact.rest = Eigen::Map<const Eigen::Vector3f>(field_.points[contact.point].at.data());
+    contact.touch = formats::kNone;
     contact.normal = normal.cast<float>();
     contact.friction = frictionOf(*step_.body, collider);
     // A point that starts inside finds the plane lower, and rising, to come out at a bounded speed. One that touched
@@ -290,6 +316,7 @@ class Search {
     Vector3d slid = touched != nullptr ? Vector3d(collider.pose.rotation * (before - anchor)) : Vector3d::Zero();
     slid -= (normal.dot(slid) + pressed_in) * normal;
     damp(contact, damping, step_.h, slid.cast<float>());
+    contact.firm = contact.kappa;
     scratch_.contacts.push_back(contact);
   }
 
@@ -298,26 +325,6 @@ class Search {
                   const Vector3d& normal) const {
     const Vector3d carried = (collider.pose.toWorld(before) - collider.pose_before.toWorld(before)) / step_.h;
     return normal.dot(carried - velocityOf(field_, candidate.point, piece_.v()));
-  }
-
-  /// A collider that has a mass gives way in the step by h^2 / m for each force, so that its springs and it are in
-  /// series: 1/kappa + n h^2 / m, where n share the load.
-  void giveWay() {
-    for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
-      const Collider& collider = *step_.colliders[c];
-      if (!(collider.settings.mass > 0)) continue;
-      const auto carries = [c](const Contact& contact) { return contact.collider == c && contact.gap < 0; };
-      const auto sharing =
-          std::max<std::ptrdiff_t>(1, std::count_if(scratch_.contacts.begin(), scratch_.contacts.end(), carries));
-      for (Contact& contact : scratch_.contacts) {
-        if (contact.collider != c) continue;
-        const Vector3d at = positionOf(field_, contact.point, y_, center_);
-        const double yields =
-            double(sharing) * step_.h * step_.h * collider.inverseMassAt(at, contact.normal.cast<double>());
-        contact.give = float(yields);
-        contact.kappa = float(1 / (1 / double(contact.kappa) + yields));
-      }
-    }
   }
 
   const Piece& piece_;
@@ -348,6 +355,13 @@ void ContactScratch::reserve(const Field& field) {
   candidates.reserve(kCandidates * points);
 }
 
+void ContactScratch::reserveNear(const Field& field, std::span<const Collider* const> all) {
+  near.reserve(all.size());
+  if (std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); })) return;
+  touches.touches.reserve(kMostLooked);
+  touches.rows.reserve(kMostLooked * (4 + std::size_t(field.k)));
+}
+
 void findReach(const Field& field, Array<float>& reach) {
   reach.resize(field.k);
   for (std::uint32_t j = 0; j < field.k; ++j) {
@@ -361,9 +375,11 @@ void findNear(const Piece& piece, std::span<const Collider* const> all, const Co
               const ConstCoefficientMap& y, const Vector3d& center, ContactScratch& scratch) {
   const Field& field = piece.field();
   scratch.near.clear();
+  scratch.reach.setZero();
   if (field.points.empty() || all.empty()) return;
   // |x - c| <= sum_j max |phi_j| |z_j - one_j c|, at the prediction and before.
-  Vector3d reach = Vector3d::Constant(kMargin * step.diagonal);
+  Vector3d& reach = scratch.reach;
+  reach.setConstant(kMargin * step.diagonal);
   bool bounded = false;
   for (const Collider* collider : all) {
     const ColliderSettings& other = collider->settings;
@@ -392,13 +408,65 @@ void findContacts(const Piece& piece, const ContactStep& step, const ConstCoeffi
                   ContactScratch& lent, MinimizeScratch& scratch) {
   scratch.contacts.clear();
   lent.candidates.clear();
+  lent.touches.touches.clear();
+  lent.touches.rows.clear();
   if (!step.colliders.empty()) Search(piece, step, y, center, lent, scratch).run();
 }
 
-void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+void giveWay(const ContactStep& step, std::span<Contact> contacts) {
+  for (std::uint32_t c = 0; c < step.colliders.size(); ++c) {
+    const Collider& collider = *step.colliders[c];
+    if (!(collider.settings.mass > 0)) continue;
+    const auto carries = [c](const Contact& contact) { return contact.collider == c && contact.gap < 0; };
+    const auto sharing = std::max<std::ptrdiff_t>(1, std::count_if(contacts.begin(), contacts.end(), carries));
+    for (Contact& contact : contacts) {
+      if (contact.collider != c) continue;
+      const double yields =
+          double(sharing) * step.h * step.h * collider.inverseMassAt(contact.at, contact.normal.cast<double>());
+      contact.give = float(yields);
+      contact.kappa = contact.firm = float(1 / (1 / double(contact.kappa) + yields));
+    }
+  }
+}
+
+namespace {
+
+/// What the pieces' points that do not carry have come to in shapes. \param scratch lends x.
+void rememberOthers(Piece& piece, const ContactStep& step, const Vector3d& center, ContactScratch& lent,
+                    MinimizeScratch& scratch) {
+  const auto is_other = [&](const Candidate& candidate) {
+    return !candidate.carries && !step.colliders[candidate.collider]->shape.isPlane();
+  };
+  if (std::none_of(lent.candidates.begin(), lent.candidates.end(), is_other)) return;
+  const Field& field = piece.field();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const Vector3d arm = piece.state.z[j] - field.oneOf(j) * center;
+    for (std::uint32_t c = 0; c < 3; ++c) scratch.x[4 * j + c] = float(arm[int(c)]);
+  }
+  const auto blocks = std::uint32_t((field.points.size() + 7) / 8);
+  kernels().field_values({field.k, blocks, field.point_values, scratch.x.data(), lent.places.data()});
+  auto& touching = piece.state.touching;
+  for (const Candidate& candidate : lent.candidates) {
+    if (!is_other(candidate) || touching.size() == mostTouching(field)) continue;
+    const float* const place = lent.places.data() + 24 * (candidate.point / 8) + candidate.point % 8;
+    const Collider& collider = *step.colliders[candidate.collider];
+    const Vector3d at = collider.pose.toLocal(center + Vector3d(double(place[0]), double(place[8]), double(place[16])));
+    const auto height = float(candidate.normal.dot(at) - candidate.offset);
+    if (!(height < 0)) continue;
+    const Vector3d& normal = candidate.normal;
+    touching.push_back(
+        {candidate.point, collider.id, height, 0, {at[0], at[1], at[2]}, {normal[0], normal[1], normal[2]}});
+  }
+  std::sort(touching.begin(), touching.end(), [](const TouchingPoint& a, const TouchingPoint& b) {
+    return a.collider != b.collider ? a.collider < b.collider : a.point < b.point;
+  });
+}
+
+}  // namespace
+
+void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& center, ContactScratch& lent,
                       double seconds, const Vector3d* given, const Objective& objective,
                       Array<ColliderTouch>& touches) {
-  const Field& field = piece.field();
   const MinimizeScratch& scratch = *objective.scratch;
   piece.state.touching.clear();
   const std::size_t first = touches.size();
@@ -408,23 +476,36 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
     if (!(contact.gap + lag + rise < 0)) continue;
     const float gap = std::min(0.0F, contact.gap + rise);
     const Collider& collider = *step.colliders[contact.collider];
-    const Vector3d at = positionOf(field, contact.point, y, center) + moved.cast<double>();
-    Vector3d slide = (contact.slide + (moved - rise * contact.normal)).cast<double>();
-    // Friction holds at most its bound: beyond it the point it holds at comes along.
-    const double length = slide.norm(), most = double(contact.friction) * -double(gap);
-    if (length > most) slide *= most / length;
-    const Vector3d anchor = collider.pose.toLocal(at - slide - (contact.lag - lag * contact.normal).cast<double>());
-    const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
     // Where the collider gave way the floor is off by that.
     const float given_way = contact.give * contact.kappa * -gap;
-    const float floor = contact.floor - given_way;
-    const float depth = std::max(0.0F, floor - (contact.floor + contact.gap + lag + rise));
-    piece.state.touching.push_back({contact.point,
-                                    collider.id,
-                                    floor,
-                                    depth,
-                                    {anchor[0], anchor[1], anchor[2]},
-                                    {normal[0], normal[1], normal[2]}});
+    Vector3d at = contact.at;
+    if (contact.touch != formats::kNone) {
+      TouchMemory memory = rememberTouch(lent.touches.touches[contact.touch], -moved);
+      memory.depth = std::max(0.0F, memory.depth - given_way);
+      piece.state.touching.push_back(
+          {contact.point,
+           collider.id,
+           memory.floor,
+           memory.depth,
+           {double(memory.anchor[0]), double(memory.anchor[1]), double(memory.anchor[2])},
+           {double(memory.outward[0]), double(memory.outward[1]), double(memory.outward[2])}});
+    } else {
+      at += moved.cast<double>();
+      Vector3d slide = (contact.slide + (moved - rise * contact.normal)).cast<double>();
+      // Friction holds at most its bound: beyond it the point it holds at comes along.
+      const double length = slide.norm(), most = double(contact.friction) * -double(gap);
+      if (length > most) slide *= most / length;
+      const Vector3d anchor = collider.pose.toLocal(at - slide - (contact.lag - lag * contact.normal).cast<double>());
+      const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
+      const float floor = contact.floor;
+      const float depth = std::max(0.0F, floor - (contact.floor + contact.gap + lag + rise));
+      piece.state.touching.push_back({contact.point,
+                                      collider.id,
+                                      floor,
+                                      depth,
+                                      {anchor[0], anchor[1], anchor[2]},
+                                      {normal[0], normal[1], normal[2]}});
+    }
     if (!(gap < 0)) continue;  // damped, it springs back by itself
     if (touches.size() == first || touches.back().collider != collider.id) {
       const Vector3d none = Vector3d::Zero();
@@ -439,13 +520,14 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
     touch.place += load * (at - collider.pose.position);
     touch.load += load;
   }
+  rememberOthers(piece, step, center, lent, *objective.scratch);
   if (given == nullptr || scratch.contacts.empty()) return;
   if (touches.size() == first) {
     // A contact that pressed while minimizing may not press at its end.
     const auto deeper = [](const Contact& a, const Contact& b) { return a.gap < b.gap; };
     const Contact& deepest = *std::min_element(scratch.contacts.begin(), scratch.contacts.end(), deeper);
     const Collider& collider = *step.colliders[deepest.collider];
-    const Vector3d place = positionOf(field, deepest.point, y, center) - collider.pose.position;
+    const Vector3d place = deepest.at - collider.pose.position;
     touches.push_back({collider.id, Vector3d::Zero(), Vector3d::Zero(), place, 1});
   }
   // Momentum that minimizing left, by load.

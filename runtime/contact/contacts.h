@@ -5,6 +5,7 @@
 #pragma once
 
 #include "runtime/contact/collider.h"
+#include "runtime/contact/touch.h"
 #include "runtime/solver/minimize.h"
 #include "runtime/solver/piece.h"
 #include "sinew/runtime/settings.h"
@@ -13,8 +14,14 @@ namespace sinew::internal {
 
 /// Contact points that one piece begins to carry with at most; of more that touch, the first in the package's order,
 /// which spreads them over the surface, carry for all. One that carries goes on while fewer than kMostContacts come
-/// before it: else those that sway at the edge of touching would exchange the last ones in each step.
+/// before it: else those that sway at the edge of touching would exchange the last ones in each step. What lies inside
+/// a shape and does not carry is remembered, for it is to leave by the way by which it came in.
 inline constexpr std::uint32_t kMostCarrying = 96, kMostContacts = 128;
+/// Points of all colliders near a piece that are looked for at most.
+inline constexpr std::uint32_t kMostLooked = 64;
+
+/// PieceState::touching has at most so many.
+inline std::size_t mostTouching(const Field& field) { return kMostContacts + field.points.size(); }
 
 /// A step as contacts see it.
 struct ContactStep {
@@ -35,17 +42,24 @@ struct Candidate {
   Vector3d normal;                   ///< of the plane, in the collider's coordinates, unit
   double offset;                     ///< of the plane along it, m
   bool inside = false;               ///< it begins within the collider
+  bool touched = false;              ///< in the step before
+  bool carries = false;              ///< it has become a contact
   Vector3d from = Vector3d::Zero();  ///< place before the step, in its coordinates
 };
 
 /// Memory for looking for contacts.
 struct ContactScratch {
-  explicit ContactScratch(std::pmr::memory_resource* memory) : places(memory), candidates(memory), near(memory) {}
+  explicit ContactScratch(std::pmr::memory_resource* memory)
+      : places(memory), candidates(memory), near(memory), touches(memory) {}
   void reserve(const Field& field);
+  /// What colliders take.
+  void reserveNear(const Field& field, std::span<const Collider* const> all);
 
   Array<float> places;  ///< of the contact points: at the prediction, before
   Array<Candidate> candidates;
   Array<const Collider*> near;
+  Vector3d reach = Vector3d::Zero();  ///< of the piece about its centre along each axis in the step, m
+  TouchList touches;                  ///< with points of colliders
 };
 
 /// Memory of a point and a collider from the last step; null where they did not touch.
@@ -59,15 +73,20 @@ void findReach(const Field& field, Array<float>& reach);
 void findNear(const Piece& piece, std::span<const Collider* const> all, const ContactStep& step,
               const ConstCoefficientMap& y, const Vector3d& center, ContactScratch& scratch);
 
-/// Fills scratch.contacts and scratch.rows. \param y predicted coefficients. \param center what scratch.base is
-/// relative to.
+/// Fills scratch.contacts and scratch.rows with contacts of the piece's own points. \param y predicted coefficients.
+/// \param center what scratch.base is relative to.
 void findContacts(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
                   ContactScratch& lent, MinimizeScratch& scratch);
 
+/// A collider that has a mass gives way in the step by h^2 / m for each force, so that its springs and it are in
+/// series: 1/kappa + n h^2 / m, where n share the load.
+void giveWay(const ContactStep& step, std::span<Contact> contacts);
+
 /// Touches at the offset that the objective's scratch ends at become PieceState::touching, and the forces there times
 /// `seconds` what the colliders get. \param given what the piece gave away of its momentum, if contacts alone took it,
-/// N s: what minimizing leaves of it is shared out by load. \param[out] touches grows by the colliders touched.
-void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+/// N s: what minimizing leaves of it is shared out by load. \param center near the piece. \param[out] touches grows by
+/// the colliders touched.
+void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& center, ContactScratch& lent,
                       double seconds, const Vector3d* given, const Objective& objective, Array<ColliderTouch>& touches);
 
 }  // namespace sinew::internal

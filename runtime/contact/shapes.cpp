@@ -443,6 +443,29 @@ Vector3d Shape::pseudoNormal(std::uint32_t triangle, std::uint32_t part, bool& b
   return border || !(length > 0) ? own : Vector3d(sum / length);
 }
 
+// Of a height field the two of a cell have the edges to the cells before, across, and above; across, below, and behind.
+std::uint32_t Shape::neighbourOf(std::uint32_t triangle, std::uint32_t edge) const {
+  if (kind_ == Kind::mesh) return neighbours_[triangle][edge];
+  const std::uint32_t cells = columns_ - 1, cell = triangle / 2, column = cell % cells, row = cell / cells;
+  if (triangle % 2 == 0) {
+    if (edge == 1) return triangle + 1;
+    if (edge == 0) return column == 0 ? kNone : triangle - 1;
+    return row == 0 ? kNone : triangle - 2 * cells + 1;
+  }
+  if (edge == 0) return triangle - 1;
+  if (edge == 2) return column + 1 == cells ? kNone : triangle + 1;
+  return row + 2 == rows_ ? kNone : triangle + 2 * cells - 1;
+}
+
+double Shape::ridge(std::uint32_t triangle, std::uint32_t edge) const {
+  const std::uint32_t other = neighbourOf(triangle, edge);
+  if (other == kNone || other < triangle) return 0;
+  const Corners corners = cornersOf(triangle);
+  const Vector3d here = crossOf(corners).normalized(), there = crossOf(cornersOf(other)).normalized();
+  const double sine = here.cross(there).dot((corners.at[(edge + 1) % 3] - corners.at[edge]).normalized());
+  return std::max(0.0, sine / (1 + here.dot(there)));
+}
+
 bool Shape::isBelow(const Vector3d& p, double& depth) const {
   if (!(p.x() >= 0 && p.z() >= 0 && p.x() <= bounds_.max().x() && p.z() <= bounds_.max().z())) return false;
   const std::uint32_t column = std::min(std::uint32_t(p.x() / size_.x()), columns_ - 2);

@@ -65,6 +65,9 @@ class Shape {
   const Vector3d& half() const { return size_; }
   double radius() const { return radius_; }
   bool hasTriangles() const { return kind_ >= Kind::mesh; }
+  /// tan(turn / 2) of the surface across a convex edge of these, from its corner to the next, in the first of
+  /// its two triangles; else 0.
+  double ridge(std::uint32_t triangle, std::uint32_t edge) const;
   /// Calls visit(Corners, triangle) for the triangles of a hull, mesh or height field whose boxes meet a box.
   template <class Visit>
   void forEachTriangle(const Eigen::AlignedBox3d& box, const Visit& visit) const {
@@ -100,6 +103,7 @@ class Shape {
   void makeTree();
   void findNeighbours();
   Corners cornersOf(std::uint32_t triangle) const;
+  std::uint32_t neighbourOf(std::uint32_t triangle, std::uint32_t edge) const;
   Vector3d pseudoNormal(std::uint32_t triangle, std::uint32_t part, bool& border) const;
   NearPlace nearTriangles(const Vector3d& p, double reach) const;
   bool isBelow(const Vector3d& p, double& depth) const;

@@ -156,6 +156,7 @@ class Heirs {
       if (before[i].at == now[next].at) number[i] = next++;
     }
     for (internal::TouchingPoint touching : from.state.touching) {
+      if (touching.point >= number.size()) continue;  // a collider's own
       touching.point = number[touching.point];
       if (touching.point != formats::kNone) to.state.touching.push_back(touching);
     }

@@ -213,6 +213,10 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;
+    for (const formats::FieldPoint& point : field.points) {
+      field.apart += double(point.area) / double(field.points.size());
+    }
+    field.apart = std::sqrt(field.apart);
     // Vertices count by their masses: mere carriers of accessories have next to none.
     const double wave = volume > 0 ? M_PI * std::cbrt(double(field.k) / volume) : 0;
     const double vertex = volume * squared_masses / (field.mass * field.mass);

@@ -34,6 +34,7 @@ struct Field {
   std::uint32_t drawn_count = 0;  ///< of them the first, among which are all that visual vertices hang on
   std::span<const formats::FieldFunction> functions;
   std::span<const formats::FieldPoint> points;
+  double apart = 0;  ///< root of the area that a contact point stands for, in the mean, m
   const SamplePack* packs = nullptr;
   const float* gradients = nullptr;      ///< as FieldEnergyArguments wants them
   const float* values = nullptr;         ///< by eight vertices

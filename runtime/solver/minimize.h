@@ -51,8 +51,11 @@ void damp(Push& push, double c, double h, const Eigen::Vector3f& before);
 /// A point that a collider may push out over a plane. Its compliance is the local one that a field of few functions
 /// lacks: 1 / (E a).
 struct Contact : Push {
-  std::uint32_t point;     ///< of the field
+  std::uint32_t point;     ///< TouchingPoint::point
   std::uint32_t collider;  ///< its number among those of the step
+  Vector3d at;             ///< where it meets the collider, at the prediction, m
+  Eigen::Vector3f rest;    ///< rest place of its row, m
+  std::uint32_t touch;     ///< in ContactScratch::touches, of a collider's point
   float give;              ///< part of 1 / kappa that is the collider's own: it gives way, m/N
   const float* phi;        ///< its row, k
   bool carries = true;     ///< the coarse level has it: see RigidCoupling::make()

@@ -23,13 +23,15 @@ using ConstCoefficientMap = Eigen::Map<const Coefficients>;
 /// A contact point that touched a collider when the last step ended, in the coordinates of the collider (the ground's
 /// are the world's).
 struct TouchingPoint {
-  std::uint32_t point;           ///< of the field
+  std::uint32_t point;           ///< of the field; kColliderPoint and more: of the collider
   std::uint32_t collider;        ///< ColliderId
   float floor;                   ///< height over the plane that it is pushed to: 0, or below where it started inside, m
   float depth;                   ///< below that floor, m
-  std::array<double, 3> anchor;  ///< where friction holds it, m
-  std::array<double, 3> normal;  ///< of the plane, unit
+  std::array<double, 3> anchor;  ///< where friction holds it, m; of a collider's point in the piece at rest
+  std::array<double, 3> normal;  ///< of the plane, unit; of a collider's point the way out of the piece at rest
 };
+/// The first of the colliders' points.
+inline constexpr std::uint32_t kColliderPoint = 1U << 31;
 
 /// The state of a piece: its further motion depends on nothing else, and this is saved.
 struct PieceState {

@@ -104,7 +104,7 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     if (carries) carrying += own;
   };
   for (const Contact& contact : objective.scratch->contacts) {
-    const Vector3d arm = asVector(field.points[contact.point].at).cast<double>() - field.rest_center;
+    const Vector3d arm = contact.rest.cast<double>() - field.rest_center;
     add(contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries);
   }
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();

@@ -73,7 +73,7 @@ class CoupledSolver final : public BodySolver {
       for (Array<Vector3d>* array : piece.state.vectors()) {
         array->reserve(k);
       }
-      piece.state.touching.reserve(kMostContacts);
+      piece.state.touching.reserve(std::max(mostTouching(*free), fixed != nullptr ? mostTouching(*fixed) : 0));
       piece.system.points.reserve(kMostContacts);
       piece.system.factor.reserve(3 * k * (3 * k + 7));
       piece.state.pairs.reserve(4 * k);
@@ -238,7 +238,7 @@ class CoupledSolver final : public BodySolver {
       std::memcpy(&saved, bytes.data(), sizeof saved);
       const auto level = std::uint32_t(std::min<std::uint64_t>(saved.level, formats::kNone));
       const Field* const field = fieldOf(body_.rest().fields, piece.free->piece, (saved.flags & kHeld) != 0, level);
-      if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts ||
+      if (field == nullptr || saved.functions != field->k || saved.touching > mostTouching(*field) ||
           saved.flags > (kHeld | kLeaning | kStays) || saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
           !(saved.h_before >= 0 && std::isfinite(saved.h_before)) || saved.pairs > PieceState::kPairs ||
           (saved.pairs > 0 && !(saved.pairs_h > 0)) || bytes.size() - sizeof saved < arrayBytes(saved)) {
@@ -251,7 +251,10 @@ class CoupledSolver final : public BodySolver {
         TouchingPoint point;
         std::memcpy(&point, at, sizeof point);
         const std::uint64_t place = std::uint64_t(point.collider) << 32 | point.point;
-        if (place < next || point.point >= field->points.size() || !(point.floor <= 0)) return false;
+        if (place < next || (point.point >= field->points.size() && point.point < kColliderPoint) ||
+            !(point.floor <= 0)) {
+          return false;
+        }
         next = place + 1;
       }
       for (std::uint32_t i = 0; i < saved.plastic; ++i, at += sizeof(float)) {

@@ -34,8 +34,8 @@ void PieceStep::settle() {
   const bool held = springs_ || field_.driven > 0;
   const std::size_t first_touch = body_.touches.size();
   const double elastic_before = state.elastic;
-  rememberContacts(piece_, contactStep(), y(), center_, effective_h_, held || together_ ? nullptr : &given, objective_,
-                   body_.touches);
+  rememberContacts(piece_, contactStep(), center_, scratch_.contacts, effective_h_,
+                   held || together_ ? nullptr : &given, objective_, body_.touches);
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
   state.h_before = touched || together_ || forced_ || !state.touching.empty() ? 0 : h_;
   state.leaning = false;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "runtime/contact/collider_points.h"
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/holds.h"
@@ -463,7 +464,16 @@ void PieceStep::findObjective() {
 [[gnu::noinline]] void PieceStep::findExternal() {
   findObjective();
   findNear(piece_, colliders_, contactStep(), y(), center_, scratch_.contacts);
-  findContacts(piece_, contactStep(), y(), center_, scratch_.contacts, s_);
+  const ContactStep step = contactStep();
+  findContacts(piece_, step, y(), center_, scratch_.contacts, s_);
+  if (body_.rest().depthsOf(field_.piece) != nullptr && mayMeetPoints(step, field_, center_, scratch_.contacts)) {
+    std::array<float, 4 * 1024> before;
+    TouchingPiece seen = touchingPiece({before.data(), 4 * std::size_t(k_)});
+    seen.points = {scratch_.contacts.places.data(), pointFloats(field_)};
+    placePoints(seen);
+    findPointContacts(piece_, step, seen, scratch_.contacts, s_);
+  }
+  giveWay(step, {s_.contacts.data(), s_.contacts.size()});
   objective_.has_springs = springs_;
   if (springs_ && !s_.contacts.empty()) findSprings();  // else rebase() does
 }

@@ -222,7 +222,7 @@ class Together {
       if (s.pieces.size() <= s.before_at.size()) s.pieces.emplace_back(s.touching.memory());
       PieceScratch& own = s.pieces[s.before_at.size()];
       own.reserve(piece);
-      own.contacts.near.reserve(world_.colliders.size());
+      own.contacts.reserveNear(piece.field(), world_.colliders);
       s.before_at.push_back(before);
       before += 4 * piece.field().k;
       points += std::uint32_t(pointFloats(piece.field()));

@@ -13,16 +13,23 @@
 
 namespace sinew::internal {
 
-void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scratch, const JobSystem* jobs) {
+void growScratch(const BodyList& bodies, std::span<const Collider* const> colliders, StepScratch& scratch,
+                 const JobSystem* jobs) {
   const std::size_t at_once = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
   while (scratch.size() < std::min(at_once, std::max<std::size_t>(bodies.size(), 1))) {
     scratch.emplace_back(scratch.memory());
   }
   for (SolverScratch& lane : scratch) {
-    for (const BodyPointer& body : bodies) body->solver->reserve(lane);
-    lane.pieces.contacts.near.reserve(colliders);
+    for (const BodyPointer& body : bodies) {
+      body->solver->reserve(lane);
+      for (const Piece& piece : body->pieces) {
+        for (const Field* field : {piece.free, piece.fixed}) {
+          if (field != nullptr) lane.pieces.contacts.reserveNear(*field, colliders);
+        }
+      }
+    }
   }
-  const std::size_t most = std::min<std::size_t>(colliders, kMostContacts);
+  const std::size_t most = std::min<std::size_t>(colliders.size(), kMostContacts);
   for (const BodyPointer& body : bodies) {
     body->touches.reserve(body->pieces.size() * most);
     body->touched.reserve(most);
@@ -39,7 +46,7 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
     }
   }
   if (std::all_of(bodies.begin(), bodies.end(), [](const BodyPointer& body) { return body->asleep(); })) return;
-  growScratch(bodies, world.colliders.size(), scratch, jobs);
+  growScratch(bodies, world.colliders, scratch, jobs);
   if (world.settings.sleep_seconds > 0) together.parent.reserve(bodies.size());
   findPairs(bodies, world.settings, seconds, together, jobs);
   // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not

@@ -23,7 +23,8 @@ struct SolverScratch {
 using StepScratch = OwningArray<SolverScratch>;
 
 /// Grows the scratch to what all bodies and colliders take, so that steps do not allocate, nor jobs at any time.
-void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scratch, const JobSystem* jobs);
+void growScratch(const BodyList& bodies, std::span<const Collider* const> colliders, StepScratch& scratch,
+                 const JobSystem* jobs);
 
 /// Advances all bodies by one step, side by side. \param share of the way to their targets that holds go. \param
 /// scratch grown where bodies have come. \param jobs may be null.
