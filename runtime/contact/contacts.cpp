@@ -431,32 +431,69 @@ void giveWay(const ContactStep& step, std::span<Contact> contacts) {
 
 namespace {
 
-/// What the pieces' points that do not carry have come to in shapes. \param scratch lends x.
+/// Remembers the points that are in shapes and do not carry: candidates beyond the number, and those that the step's
+/// end, not its prediction, led in. \param scratch lends x and next.
 void rememberOthers(Piece& piece, const ContactStep& step, const Vector3d& center, ContactScratch& lent,
                     MinimizeScratch& scratch) {
-  const auto is_other = [&](const Candidate& candidate) {
-    return !candidate.carries && !step.colliders[candidate.collider]->shape.isPlane();
-  };
-  if (std::none_of(lent.candidates.begin(), lent.candidates.end(), is_other)) return;
   const Field& field = piece.field();
+  const auto isShape = [&](std::uint32_t c) { return !step.colliders[c]->shape.isPlane(); };
+  bool may = std::any_of(lent.candidates.begin(), lent.candidates.end(),
+                         [&](const Candidate& candidate) { return !candidate.carries && isShape(candidate.collider); });
+  double way = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Vector3d arm = piece.state.z[j] - field.oneOf(j) * center;
-    for (std::uint32_t c = 0; c < 3; ++c) scratch.x[4 * j + c] = float(arm[int(c)]);
+    const Vector3d now = piece.state.z[j] - field.oneOf(j) * center,
+                   before = piece.state.z_before[j] - field.oneOf(j) * center;
+    way += double(piece.reach()[j]) * (now - before).norm();
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      scratch.x[4 * j + c] = float(now[int(c)]);
+      scratch.next[4 * j + c] = float(before[int(c)]);
+    }
   }
-  const auto blocks = std::uint32_t((field.points.size() + 7) / 8);
-  kernels().field_values({field.k, blocks, field.point_values, scratch.x.data(), lent.places.data()});
+  may = may || way > kMargin * step.diagonal;
+  const auto count = std::uint32_t(field.points.size()), blocks = (count + 7) / 8;
   auto& touching = piece.state.touching;
-  for (const Candidate& candidate : lent.candidates) {
-    if (!is_other(candidate) || touching.size() == mostTouching(field)) continue;
-    const float* const place = lent.places.data() + 24 * (candidate.point / 8) + candidate.point % 8;
-    const Collider& collider = *step.colliders[candidate.collider];
-    const Vector3d at = collider.pose.toLocal(center + Vector3d(double(place[0]), double(place[8]), double(place[16])));
-    const auto height = float(candidate.normal.dot(at) - candidate.offset);
-    if (!(height < 0)) continue;
-    const Vector3d& normal = candidate.normal;
-    touching.push_back(
-        {candidate.point, collider.id, height, 0, {at[0], at[1], at[2]}, {normal[0], normal[1], normal[2]}});
+  const Candidate* candidate = lent.candidates.begin();
+  bool placed = false;
+  for (std::uint32_t c = 0; may && c < step.colliders.size(); ++c) {
+    const Collider& collider = *step.colliders[c];
+    while (candidate != lent.candidates.end() && candidate->collider < c) ++candidate;
+    if (!isShape(c)) continue;
+    if (!placed) {
+      kernels().field_values({field.k, blocks, field.point_values, scratch.x.data(), lent.places.data()});
+      kernels().field_values(
+          {field.k, blocks, field.point_values, scratch.next.data(), lent.places.data() + 24 * blocks});
+    }
+    placed = true;
+    for (std::uint32_t p = 0; p < count; ++p) {
+      const Candidate* const own =
+          candidate != lent.candidates.end() && candidate->collider == c && candidate->point == p ? candidate++
+                                                                                                  : nullptr;
+      if ((own != nullptr && own->carries) || touching.size() == mostTouching(field)) continue;
+      const auto placeOf = [&](const float* places) {
+        const float* const at = places + 24 * (p / 8) + p % 8;
+        return Vector3d(center + Vector3d(double(at[0]), double(at[8]), double(at[16])));
+      };
+      const Vector3d now = placeOf(lent.places.data());
+      Vector3d normal;
+      double height;
+      if (own != nullptr) {
+        normal = own->normal;
+        height = normal.dot(collider.pose.toLocal(now)) - own->offset;
+      } else {
+        const Vector3d before = placeOf(lent.places.data() + 24 * blocks);
+        PathHit hit;
+        if (!collider.bounds().intersects(Eigen::AlignedBox3d(now.cwiseMin(before), now.cwiseMax(before)))) continue;
+        const Vector3d from = collider.pose_before.toLocal(before), to = collider.pose.toLocal(now);
+        if (!collider.shape.enters(from, to, hit)) continue;
+        normal = hit.normal;
+        height = (1 - hit.part) * normal.dot(to - from);
+      }
+      if (!(height < 0)) continue;
+      const Vector3d at = collider.pose.toLocal(now);
+      touching.push_back({p, collider.id, float(height), 0, {at[0], at[1], at[2]}, {normal[0], normal[1], normal[2]}});
+    }
   }
+  if (!placed) return;
   std::sort(touching.begin(), touching.end(), [](const TouchingPoint& a, const TouchingPoint& b) {
     return a.collider != b.collider ? a.collider < b.collider : a.point < b.point;
   });

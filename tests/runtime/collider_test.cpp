@@ -6,7 +6,7 @@
 #include <random>
 
 #include "tests/runtime/world_state.h"
-#include "tests/support/box_package.h"
+#include "tests/support/touching_box.h"
 
 namespace sinew::test {
 namespace {
@@ -402,6 +402,215 @@ TEST(Colliders, AColliderWithAMassGivesWay) {
       EXPECT_NEAR(double(mass) * velocity + left, -1, 1e-3);
       EXPECT_LE(double(mass) * velocity * velocity + left * left, 1.001);
       EXPECT_LE(velocity, -1 / (1 + double(mass)));  // no less than what sticks
+    }
+  }
+}
+
+/// How far what is drawn of a body is from a place, m.
+double wayTo(const World& world, BodyId body, const Vector3d& place) {
+  const Vec3 at = {float(place[0]), float(place[1]), float(place[2])};
+  return (wide(world.placeOf(body, world.nearestPoint(body, at))) - place).norm();
+}
+
+/// Whether a collider pushes though nothing is near a segment of it, of this radius.
+bool pushesThroughAGap(const World& world, ColliderId collider, BodyId body, const Vector3d& from, const Vector3d& to,
+                       double radius) {
+  if (wide(world.colliderReaction(collider).impulse).norm() < 1e-3) return false;
+  double least = 1e9;
+  for (int i = 0; i <= 20; ++i) least = std::min(least, wayTo(world, body, from + i / 20.0 * (to - from)));
+  return least > radius + 0.05;
+}
+
+// A point that goes on beyond the end of what it touched is not carried by the plane that it had there.
+TEST(Colliders, PushOnlyWhatTheyTouch) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 8);
+  for (const float radius : {0.03F, 0.08F}) {
+    for (const double x : {0.0, 0.05, 0.1, 0.14, 0.18}) {
+      World world;
+      ColliderSettings rail;
+      rail.at.rotation = turned(M_PI / 2, {1, 0, 0});
+      const ColliderId collider = *world.addCollider(CapsuleShape{radius, 1}, rail);
+      const BodyId body = *world.addBody(asset, placed(x, 0.3, 0, turned(0.4, {0, 1, 0})));
+      for (int i = 0; i < 180; ++i) {
+        world.step(1.0F / 60);
+        ASSERT_FALSE(pushesThroughAGap(world, collider, body, {0, 0, -1}, {0, 0, 1}, double(radius)))
+            << radius << ' ' << x << ' ' << i;
+      }
+    }
+  }
+  for (const float friction : {0.0F, 0.6F}) {
+    for (const double z : {0.0, 0.1, 0.2}) {
+      WorldSettings ground;
+      ground.ground.enabled = true;
+      World world(ground);
+      ColliderSettings walker;
+      walker.friction = friction;
+      walker.at.position = {-1.5F, 0.9F, 0};
+      const ColliderId collider = *world.addCollider(CapsuleShape{0.35F, 0.55F}, walker);
+      const BodyId body = *world.addBody(asset, placed(0, 0.2, z));
+      for (int i = 0; i < 240; ++i) {
+        const double x = i < 60 ? std::min(2.0, -1.5 + 7 * i / 60.0) : std::max(-1.5, 2 - 7 * (i - 60) / 60.0);
+        world.moveCollider(collider, {{float(x), 0.9F, 0}});
+        world.step(1.0F / 60);
+        ASSERT_FALSE(pushesThroughAGap(world, collider, body, {x, 0.35, 0}, {x, 1.45, 0}, 0.35))
+            << friction << ' ' << z << ' ' << i;
+      }
+    }
+  }
+}
+
+// What a hand gives way by is no distance at which it pushes.
+TEST(Colliders, AHandPressesWhatItTouchesAndLetsGo) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 8);
+  WorldSettings ground;
+  ground.ground.enabled = true;
+  for (const float mass : {0.5F, 5.0F, 50.0F}) {
+    World world(ground);
+    ColliderSettings plate;
+    plate.most_speed = 3;
+    plate.mass = mass;
+    plate.at.position = {0, 0.8F, 0};
+    const ColliderId hand = *world.addCollider(BoxShape{{0.2F, 0.1F, 0.2F}}, plate);
+    const BodyId body = *world.addBody(asset, placed(0, 0.16, 0));
+    for (int i = 0; i < 360; ++i) {
+      world.moveCollider(hand, {{0, i < 240 ? 0.2F : 1.0F, 0}});
+      world.step(1.0F / 60);
+      const double under = double(world.colliderPose(hand).position[1]) - 0.1;
+      if (world.colliderReaction(hand).impulse[1] > 1e-3F) {
+        ASSERT_LT(under - double(world.physicalBounds(body).high[1]), 0.01) << mass << ' ' << i;
+      }
+    }
+    EXPECT_EQ(world.colliderReaction(hand).impulse[1], 0) << mass;
+    EXPECT_NEAR(world.colliderPose(hand).position[1], 1, 1e-3) << mass;
+  }
+}
+
+// What it gives way by is no way that it has gone: its impulse moves it after the step.
+TEST(Colliders, AnEnginesBodyDoesNotSink) {
+  const auto asset = touchingBox({0.5, 0.5, 0.5}, 6);
+  WorldSettings ground;
+  ground.ground.enabled = true;
+  for (const float part : {0.5F, 1.0F}) {  // of the cube's mass
+    World world(ground);
+    BodySettings firm = placed(0, 0.25, 0);
+    firm.stiffness_scale = 3;
+    const BodyId body = *world.addBody(asset, firm);
+    run(world, 2);
+    ColliderSettings box;
+    box.mass = part * float(motionOf(world, body).mass);
+    const float moment = box.mass * 0.2F * 0.2F * 2 / 3;
+    box.inertia = {moment, moment, moment};
+    Vector3d place(0, double(world.physicalBounds(body).high[1]) + 0.2, 0), velocity(0, 0, 0), spin = velocity;
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    box.at.position = {0, float(place[1]), 0};
+    const ColliderId collider = *world.addCollider(BoxShape{{0.2F, 0.2F, 0.2F}}, box);
+    double least = 1;
+    for (int i = 0; i < 300; ++i) {
+      velocity[1] -= 9.81 / 60;
+      place += velocity / 60;
+      rotation = Eigen::AngleAxisd(spin.norm() / 60, spin.stableNormalized()).toRotationMatrix() * rotation;
+      RigidTransform to = {{float(place[0]), float(place[1]), float(place[2])}, {}};
+      for (int c = 0; c < 9; ++c) to.rotation[std::size_t(c)] = float(rotation(c / 3, c % 3));
+      world.moveCollider(collider, to);
+      world.step(1.0F / 60);
+      const ColliderReaction got = world.colliderReaction(collider);
+      velocity += wide(got.impulse) / double(box.mass);
+      spin += wide(got.torque_impulse) / double(moment);
+      if (i > 150) least = std::min(least, place[1] - 0.2);
+    }
+    EXPECT_GT(least, 0.42) << part;
+  }
+}
+
+// More points come in than carry, and some with the step's end alone: they leave by the side by which they came, not by
+// the nearer one.
+TEST(Colliders, NothingHangsOnAThinWall) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 12);
+  for (const float half : {0.005F, 0.01F, 0.025F}) {
+    for (const double angle : {0.0, 0.3, 0.8, 1.2}) {
+      WorldSettings ground;
+      ground.ground.enabled = true;
+      World world(ground);
+      ColliderSettings wall;
+      wall.at.position = {1, 1, 0};
+      ASSERT_TRUE(world.addCollider(BoxShape{{half, 1, 1}}, wall));
+      const BodyId body = *world.addBody(asset, placed(0.5, 1, 0, turned(angle, {0.3, 1, 0})));
+      throwBody(world, body, {20, 0, 0});
+      run(world, 3);
+      const Motion m = motionOf(world, body);
+      EXPECT_LT(m.center[0], 1 - 0.1) << half << ' ' << angle;
+      EXPECT_LT(m.center[1], 0.3) << half << ' ' << angle;
+    }
+  }
+}
+
+// What fits between contact points has points of its own.
+TEST(Colliders, NarrowOnesCarry) {
+  const auto asset = touchingBox({1, 1, 1}, 6);
+  // Tops at y = 0, under a cube whose points are 0.17 m apart.
+  const std::vector<std::array<double, 2>> corners = {{-0.31, -0.27}, {0.29, -0.33}, {0.27, 0.31}, {-0.33, 0.29}};
+  const std::vector<Vec3> spike = {
+      {0, 0, 0}, {0.2F, -1, 0.2F}, {-0.2F, -1, 0.2F}, {-0.2F, -1, -0.2F}, {0.2F, -1, -0.2F}};
+  std::vector<float> ridges;
+  for (int i = 0; i < 9 * 9; ++i) ridges.push_back(i % 9 == 3 || i % 9 == 5 ? 0.0F : -1.0F);
+  const std::vector<std::pair<const char*, std::function<void(World&)>>> supports = {
+      {"spheres",
+       [&](World& world) {
+         for (const auto& at : corners) {
+           ColliderSettings place;
+           place.at.position = {float(at[0]), -0.04F, float(at[1])};
+           ASSERT_TRUE(world.addCollider(SphereShape{0.04F}, place));
+         }
+       }},
+      {"needles",
+       [&](World& world) {
+         for (const auto& at : corners) {
+           ColliderSettings place;
+           place.at.position = {float(at[0]), -1.005F, float(at[1])};
+           ASSERT_TRUE(world.addCollider(CapsuleShape{0.005F, 1}, place));
+         }
+       }},
+      {"poles",
+       [&](World& world) {
+         for (const auto& at : corners) {
+           ColliderSettings place;
+           place.at.position = {float(at[0]), -1.04F, float(at[1])};
+           ASSERT_TRUE(world.addCollider(CapsuleShape{0.04F, 1}, place));
+         }
+       }},
+      {"spikes",
+       [&](World& world) {
+         for (const auto& at : corners) {
+           ColliderSettings place;
+           place.at.position = {float(at[0]), 0, float(at[1])};
+           ASSERT_TRUE(world.addCollider(HullShape{spike}, place));
+         }
+       }},
+      {"wires",
+       [&](World& world) {
+         for (const float x : {-0.24F, 0.26F}) {
+           ColliderSettings place;
+           place.at.position = {x, -0.01F, 0};
+           ASSERT_TRUE(world.addCollider(BoxShape{{0.01F, 0.01F, 2}}, place));
+         }
+       }},
+      {"ridges", [&](World& world) {
+         ColliderSettings place;
+         place.at.position = {-0.99F, 0, -1.02F};
+         ASSERT_TRUE(world.addCollider(HeightFieldShape{ridges, 9, 0.25F}, place));
+       }}};
+  for (const auto& [name, add] : supports) {
+    for (const double speed : {0.0, 5.0, 20.0}) {
+      World world;
+      add(world);
+      BodySettings stiff = placed(0, 0.55, 0);
+      stiff.stiffness_scale = 5;
+      const BodyId body = *world.addBody(asset, stiff);
+      throwBody(world, body, {0, -speed, 0});
+      run(world, 4);
+      const Motion m = motionOf(world, body);
+      EXPECT_NEAR(m.center[1], 0.5, 0.06) << name << ' ' << speed;
+      EXPECT_LT(rmsSpeed(world, body), 2e-3) << name << ' ' << speed;
     }
   }
 }
