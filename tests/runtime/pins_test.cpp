@@ -458,6 +458,31 @@ TEST(Pins, ComeAndGoWithoutMovingTheBody) {
   }
 }
 
+// What gives way at picks turns with the piece: pulls that are not toward their targets would turn it for ever.
+TEST(Picks, PullTowardTheirTargets) {
+  BoxOptions box;
+  box.cells = {8, 8, 3};
+  box.size = {0.5, 0.5, 0.2};
+  box.keep = [](std::uint32_t x, std::uint32_t y, std::uint32_t) { return x < 2 || y < 2; };
+  box.stretch_hz = box.bend_hz = box.twist_hz = 10;
+  formats::PackageContent content = boxContent(box);
+  addFields(content);
+  addResiduals(content);
+  content.field_residuals[0].scale *= 8;
+  const auto asset = makeAsset(content);
+  for (const std::uint32_t vertex : {0U, 70U, 150U}) {
+    World world;
+    const BodyId body = *world.addBody(asset);
+    const Vec3 at = world.positions(body)[vertex];
+    world.pick(body, BodyPoint::physicalVertex(vertex), at, {10, 0});
+    run(world, 30);
+    ASSERT_LT(rmsSpeed(world, body), 1e-3) << vertex;
+    const Vec3 center = world.motion(body).center;
+    EXPECT_NEAR(center[0], at[0], 1e-3) << vertex;  // it hangs below
+    EXPECT_NEAR(center[2], at[2], 1e-3) << vertex;
+  }
+}
+
 // Residual modes ring all over a piece that is pulled at a point: what gives way to a pick is drawn near it alone.
 TEST(Picks, FarFromThemTheFunctionsAreDrawn) {
   Beam beam;
