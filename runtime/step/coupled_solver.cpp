@@ -332,9 +332,8 @@ class CoupledFactory final : public SolverFactory {
     const RestConstants& rest = asset.constants();
     for (std::uint32_t p = 0; p < asset.package().pieces().size(); ++p) {
       if (fieldOf(rest.fields, p, false) == nullptr) {
-        return "this package has no fields (it was baked by an older version, or with field.functions=0): bake it "
-               "again "
-               "with this version, or use the report's solver";
+        return "this package has no fields (baked by an older version, with field.functions=0, or too thin for its "
+               "size, of which bake warns): bake it again, or use the report's solver";
       }
     }
     return nullptr;

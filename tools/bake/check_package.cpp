@@ -361,7 +361,8 @@ class PackageCheck {
   void fields() {
     if (!package_.fields().empty()) return;
     add("no-fields", Severity::warning, "the pieces have no fields: only the report's solver can move them", 1,
-        "Bake it again without field.functions=0, or use --solver report.");
+        "Bake it again without field.functions=0, and thicker where bake says that it is too thin; or use --solver "
+        "report.");
   }
 
   /// Vertices carrying a rigid part weigh next to nothing; its host moves them.
