@@ -20,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 19;
+constexpr std::uint32_t kStateVersion = 20;
 
 struct StateHeader {
   std::array<char, 4> magic;

@@ -158,6 +158,21 @@ class CommandLine(unittest.TestCase):
         span = lambda of: [max(p[k] for p in of) - min(p[k] for p in of) for k in range(3)]  # noqa: E731
         self.assertTrue(all(abs(100 * a - b) < 0.05 for a, b in zip(span(scene), [span(source)[k] for k in (0, 2, 1)])))
         self.assertTrue(0 <= min(p[1] for p in scene) < 0.3)  # on the scene's ground
+        # A file's scene in its coordinates, and all that a cut leaves.
+        file = self.path / "cut.json"
+        file.write_text(json.dumps({"sinew_scene": 1, "seconds": 0.1, "ground": -1.3,
+                                    "cuts": [{"time": 0.05, "point": [3, 0, -0.2], "normal": [1, 0.2, 0]}]}))
+        self.assertEqual(run("simulate", package, "--scene", file, "--export", out).returncode, 0)
+        text = out.read_text()
+        self.assertEqual(sum(line.startswith("o ") for line in text.splitlines()), 2)
+        at_source = points(text)
+        self.assertTrue(all(abs(max(p[k] for p in at_source) - max(p[k] for p in source)) < 0.5 for k in range(3)))  # cm
+        corners = [int(corner.split("/")[0]) for line in text.splitlines() if line.startswith("f ") for corner in line.split()[1:]]
+        self.assertEqual(max(corners), sum(line.startswith("v ") for line in text.splitlines()))
+        self.assertEqual(run("simulate", package, "--scene", file, "--export", out, "--frame", "scene").returncode, 0)
+        there = points(out.read_text())
+        self.assertLess(max(abs(max(p[k] for p in there) - max(s[k] for s in moved)) for k in range(3)
+                            for moved in [[(x / 100, z / 100, -y / 100) for x, y, z in source]]), 0.01)
 
     def test_pipes_devices_and_folders_are_refused_at_once(self):
         package, out = self.bake(), self.path / "x.sinew"

@@ -84,7 +84,7 @@ void runSimulate(const SimulateCommand& command) {
   GroupMeasure group = measureGroup(scene.world(), scene.bodies());
   group.height -= double(scene.groundHeight());
   BodyMeasure measure = measureBody(scene.world(), scene.body());
-  const double ground = double(scene.groundHeight() / asset->package().info().diagonal);
+  const double ground = double(scene.groundHeight() / scene.world().asset(scene.body()).package().info().diagonal);
   measure.lowest -= ground;
   measure.lowest_visual -= ground;
   if (!command.output.empty())
@@ -178,9 +178,10 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0U, 16U));
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")
       ->check(CLI::Range(1U, 256U));
-  verb->add_option("--export", command->output, "Write the deformed visual mesh at the end (.obj)");
-  verb->add_option("--frame", command->frame,
-                   "Of --export: source (its place, unit and axes) or scene (where the scene has it; metres, y up)")
+  verb->add_option("--export", command->output, "Write the deformed visual meshes at the end, each an object (.obj)");
+  verb->add_option(
+          "--frame", command->frame,
+          "Of --export: source (place, unit and axes of the first body's) or scene (as in its file; metres, y up)")
       ->check(CLI::IsMember({"source", "scene"}))
       ->capture_default_str();
   verb->add_flag("--json", command->json, "Print the measures as JSON");

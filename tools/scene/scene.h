@@ -105,6 +105,8 @@ class Scene {
   std::span<const std::shared_ptr<const Asset>> assets() const { return assets_; }  ///< of the bodies
   std::span<const SceneSolid> solids() const { return solids_; }                    ///< colliders, as they come and go
   const RigidTransform& placement() const { return placement_; }                    ///< of the body at the start
+  /// Places of the world plus this are those of the scene's file, m; 0 without one.
+  std::array<double, 3> fileOrigin() const { return script_ ? script_->origin : std::array<double, 3>{}; }
   const SceneOptions& options() const { return options_; }
   double time() const { return time_; }                                   ///< seconds since the start
   bool hasGround() const { return world_.settings().ground.enabled; }     ///< a level ground is there to be drawn
