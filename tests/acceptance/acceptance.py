@@ -93,7 +93,8 @@ def check_model(sinew, file, folder, quick):
             continue
         if scene in ("squash", "stretch") and not result["rest_error"]["rms"] < 1e-3:
             fail(name, f"{scene}: rest error {result['rest_error']['rms']:.2e} after 6 s")
-        if scene == "drop" and not result["rms_speed"] < 0.01:
+        still = 1e-2 if any(round_one in name for round_one in ("sphere", "inside_out", "penguin")) else 1e-4  # these roll
+        if scene == "drop" and not result["rms_speed"] < still:
             fail(name, f"drop: still moves at {result['rms_speed']:.2e} diagonals/s after 6 s")
         if not result["seam_gap"] < 1e-4:
             fail(name, f"{scene}: a seam opens by {result['seam_gap']:.1e}")
