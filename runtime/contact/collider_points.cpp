@@ -18,7 +18,7 @@ constexpr std::uint32_t kMostOwn = 32, kBeginning = 24;
 /// Widest gap between points of a surface, of the root of the area that one stands for.
 constexpr double kGap = 1.5;
 /// Numbers along one edge of a box, around a capsule, along an edge of a triangle.
-constexpr std::uint32_t kAlong = 1U << 27, kAround = 64, kOnEdge = 32;
+constexpr std::uint32_t kOnSide = 1U << 27, kOnRing = 64, kOnEdge = 32;
 
 /// How a piece's own points lie.
 struct Spacing {
@@ -66,7 +66,7 @@ void forEachOnCapsule(double radius, double half, const Spacing& s, const Eigen:
     const double y = end * (2 * i / rings - 1);
     for (std::uint32_t k = 0; k < around; ++k) {
       const double angle = 2 * M_PI * k / around, r = around > 1 ? radius : 0;
-      visit(kAround * (i + 1) + k, Vector3d(r * std::cos(angle), y, r * std::sin(angle)));
+      visit(kOnRing * (i + 1) + k, Vector3d(r * std::cos(angle), y, r * std::sin(angle)));
     }
   }
   if (around == 1) return;
@@ -95,7 +95,7 @@ void forEachOnBox(const Vector3d& half, const Spacing& s, const Eigen::AlignedBo
       for (auto i = std::uint32_t(std::ceil(placeAt(box.min()[axis]))); i <= last; ++i) {
         if (axis != longest && (i == 0 || i == std::uint32_t(parts))) continue;
         at[axis] = half[axis] * (2 * i / parts - 1);
-        visit((std::uint32_t(axis) * 4 + side) * kAlong + i, at);
+        visit((std::uint32_t(axis) * 4 + side) * kOnSide + i, at);
       }
     }
   }
