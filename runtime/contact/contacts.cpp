@@ -29,6 +29,10 @@ Vector3d velocityOf(const Field& field, std::uint32_t point, const ConstCoeffici
   return sum;
 }
 
+bool areAllPlanes(std::span<const Collider* const> all) {
+  return std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); });
+}
+
 /// sqrt(mu_a mu_b), or that of the collider alone.
 float frictionOf(const BodySettings& body, const Collider& collider) {
   const float own = collider.settings.friction;
@@ -162,8 +166,9 @@ class Search {
       if (place.distance < margin_) {
         if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
         Vector3d at = to;
-        if (const NearPlace before = collider.shape.near(from, reach); touched == nullptr && before.distance < 0) {
-          place = before, at = from;  // a prediction may lie beyond
+        if (touched == nullptr) {  // what began inside leaves from there: the prediction may lie beyond
+          const NearPlace before = collider.shape.near(from, reach);
+          if (before.distance < 0) place = before, at = from;
         }
         found.normal = place.normal;
         found.offset = place.normal.dot(at) - place.distance;
@@ -357,7 +362,7 @@ void ContactScratch::reserve(const Field& field) {
 
 void ContactScratch::reserveNear(const Field& field, std::span<const Collider* const> all) {
   near.reserve(all.size());
-  if (std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); })) return;
+  if (areAllPlanes(all)) return;
   touches.touches.reserve(kMostLooked);
   touches.rows.reserve(kMostLooked * (4 + std::size_t(field.k)));
 }
@@ -423,7 +428,6 @@ void giveWay(const ContactStep& step, std::span<Contact> contacts) {
       if (contact.collider != c) continue;
       const double yields =
           double(sharing) * step.h * step.h * collider.inverseMassAt(contact.at, contact.normal.cast<double>());
-      contact.give = float(yields);
       contact.kappa = contact.firm = float(1 / (1 / double(contact.kappa) + yields));
     }
   }
@@ -436,6 +440,7 @@ namespace {
 void rememberOthers(Piece& piece, const ContactStep& step, const Vector3d& center, ContactScratch& lent,
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
+  if (areAllPlanes(step.colliders)) return;
   const auto isShape = [&](std::uint32_t c) { return !step.colliders[c]->shape.isPlane(); };
   bool may = std::any_of(lent.candidates.begin(), lent.candidates.end(),
                          [&](const Candidate& candidate) { return !candidate.carries && isShape(candidate.collider); });
@@ -513,12 +518,9 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
     if (!(contact.gap + lag + rise < 0)) continue;
     const float gap = std::min(0.0F, contact.gap + rise);
     const Collider& collider = *step.colliders[contact.collider];
-    // Where the collider gave way the floor is off by that.
-    const float given_way = contact.give * contact.kappa * -gap;
     Vector3d at = contact.at;
     if (contact.touch != formats::kNone) {
-      TouchMemory memory = rememberTouch(lent.touches.touches[contact.touch], -moved);
-      memory.depth = std::max(0.0F, memory.depth - given_way);
+      const TouchMemory memory = rememberTouch(lent.touches.touches[contact.touch], -moved);
       piece.state.touching.push_back(
           {contact.point,
            collider.id,
@@ -534,12 +536,10 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
       if (length > most) slide *= most / length;
       const Vector3d anchor = collider.pose.toLocal(at - slide - (contact.lag - lag * contact.normal).cast<double>());
       const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
-      const float floor = contact.floor;
-      const float depth = std::max(0.0F, floor - (contact.floor + contact.gap + lag + rise));
       piece.state.touching.push_back({contact.point,
                                       collider.id,
-                                      floor,
-                                      depth,
+                                      contact.floor,
+                                      -(contact.gap + lag + rise),
                                       {anchor[0], anchor[1], anchor[2]},
                                       {normal[0], normal[1], normal[2]}});
     }

@@ -56,7 +56,6 @@ struct Contact : Push {
   Vector3d at;             ///< where it meets the collider, at the prediction, m
   Eigen::Vector3f rest;    ///< rest place of its row, m
   std::uint32_t touch;     ///< in ContactScratch::touches, of a collider's point
-  float give;              ///< part of 1 / kappa that is the collider's own: it gives way, m/N
   const float* phi;        ///< its row, k
   bool carries = true;     ///< the coarse level has it: see RigidCoupling::make()
 };
