@@ -17,7 +17,7 @@ using Eigen::Vector3f;
 constexpr std::uint32_t kMostOwn = 32, kBeginning = 24;
 /// Widest gap between points of a surface, of the root of the area that one stands for.
 constexpr double kGap = 1.5;
-/// Numbers along one edge of a box, around a capsule, along an edge of a triangle.
+/// Numbers along one edge of a box, around a capsule, along what a piece sees of an edge of a triangle.
 constexpr std::uint32_t kOnSide = 1U << 27, kOnRing = 64, kOnEdge = 32;
 
 /// How a piece's own points lie.
@@ -108,9 +108,20 @@ void forEachOnTriangles(const Shape& shape, const Spacing& s, const Eigen::Align
     for (std::uint32_t e = 0; e < 3; ++e) {
       if (!(0.5 * s.gap * shape.ridge(triangle, e) > s.deep)) continue;
       const Vector3d from = corners.at[e], way = corners.at[(e + 1) % 3] - from;
-      const auto parts = std::uint32_t(std::clamp(std::ceil(way.norm() / s.apart), 1.0, double(kOnEdge - 1)));
-      for (std::uint32_t i = 0; i <= parts; ++i)
-        visit((3 * triangle + e) * kOnEdge + i, Vector3d(from + i / double(parts) * way));
+      double first = 0, last = 1;  // parts of the way between which it is in the box
+      for (int c = 0; c < 3; ++c) {
+        const double low = box.min()[c] - from[c], high = box.max()[c] - from[c];
+        if (way[c] == 0) {
+          if (low > 0 || high < 0) last = -1;
+          continue;
+        }
+        first = std::max(first, std::min(low / way[c], high / way[c]));
+        last = std::min(last, std::max(low / way[c], high / way[c]));
+      }
+      if (first > last) continue;
+      const double parts = std::max(1.0, std::ceil(way.norm() / s.apart));
+      for (auto i = std::uint32_t(std::ceil(first * parts)); i <= std::uint32_t(last * parts); ++i)
+        visit((3 * triangle + e) * kOnEdge + i % kOnEdge, Vector3d(from + i / parts * way));
     }
   });
 }
@@ -215,7 +226,7 @@ class ColliderPiece {
     }
     std::uint32_t known = 0;
     for (const TouchingPoint& touch : touching) {
-      if (touch.collider != collider_.id || touch.point < kColliderPoint) continue;
+      if (touch.collider != collider_.id || touch.point < kColliderPoint || known == kMostOwn) continue;
       const auto* const found =
           std::lower_bound(points_.begin(), points_.begin() + count_, touch.point - kColliderPoint,
                            [](const ColliderPoint& point, std::uint32_t number) { return point.number < number; });

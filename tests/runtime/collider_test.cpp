@@ -551,6 +551,8 @@ TEST(Colliders, NarrowOnesCarry) {
   const std::vector<std::array<double, 2>> corners = {{-0.31, -0.27}, {0.29, -0.33}, {0.27, 0.31}, {-0.33, 0.29}};
   const std::vector<Vec3> spike = {
       {0, 0, 0}, {0.2F, -1, 0.2F}, {-0.2F, -1, 0.2F}, {-0.2F, -1, -0.2F}, {0.2F, -1, -0.2F}};
+  const std::vector<Vec3> roof = {{0, 0, -20},       {0, 0, 20},          {0.2F, -0.5F, -20},
+                                  {0.2F, -0.5F, 20}, {-0.2F, -0.5F, -20}, {-0.2F, -0.5F, 20}};
   std::vector<float> ridges;
   for (int i = 0; i < 9 * 9; ++i) ridges.push_back(i % 9 == 3 || i % 9 == 5 ? 0.0F : -1.0F);
   const std::vector<std::pair<const char*, std::function<void(World&)>>> supports = {
@@ -592,6 +594,14 @@ TEST(Colliders, NarrowOnesCarry) {
            ColliderSettings place;
            place.at.position = {x, -0.01F, 0};
            ASSERT_TRUE(world.addCollider(BoxShape{{0.01F, 0.01F, 2}}, place));
+         }
+       }},
+      {"roofs",
+       [&](World& world) {
+         for (const float x : {-0.24F, 0.26F}) {
+           ColliderSettings place;
+           place.at.position = {x, 0, 0.1F};
+           ASSERT_TRUE(world.addCollider(HullShape{roof}, place));
          }
        }},
       {"ridges", [&](World& world) {
