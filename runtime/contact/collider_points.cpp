@@ -104,25 +104,22 @@ void forEachOnBox(const Vector3d& half, const Spacing& s, const Eigen::AlignedBo
 /// Edges at which a plane of points beside a gap lies deep: gap / 2 tan(turn / 2).
 template <class Visit>
 void forEachOnTriangles(const Shape& shape, const Spacing& s, const Eigen::AlignedBox3d& box, const Visit& visit) {
-  shape.forEachTriangle(box, [&](const Corners& corners, std::uint32_t triangle) {
-    for (std::uint32_t e = 0; e < 3; ++e) {
-      if (!(0.5 * s.gap * shape.ridge(triangle, e) > s.deep)) continue;
-      const Vector3d from = corners.at[e], way = corners.at[(e + 1) % 3] - from;
-      double first = 0, last = 1;  // parts of the way between which it is in the box
-      for (int c = 0; c < 3; ++c) {
-        const double low = box.min()[c] - from[c], high = box.max()[c] - from[c];
-        if (way[c] == 0) {
-          if (low > 0 || high < 0) last = -1;
-          continue;
-        }
-        first = std::max(first, std::min(low / way[c], high / way[c]));
-        last = std::min(last, std::max(low / way[c], high / way[c]));
+  shape.forEachRidge(box, 2 * s.deep / s.gap, [&](const Corners& corners, std::uint32_t triangle, std::uint32_t e) {
+    const Vector3d from = corners.at[e], way = corners.at[(e + 1) % 3] - from;
+    double first = 0, last = 1;  // parts of the way between which it is in the box
+    for (int c = 0; c < 3; ++c) {
+      const double low = box.min()[c] - from[c], high = box.max()[c] - from[c];
+      if (way[c] == 0) {
+        if (low > 0 || high < 0) last = -1;
+        continue;
       }
-      if (first > last) continue;
-      const double parts = std::max(1.0, std::ceil(way.norm() / s.apart));
-      for (auto i = std::uint32_t(std::ceil(first * parts)); i <= std::uint32_t(last * parts); ++i)
-        visit((3 * triangle + e) * kOnEdge + i % kOnEdge, Vector3d(from + i / parts * way));
+      first = std::max(first, std::min(low / way[c], high / way[c]));
+      last = std::min(last, std::max(low / way[c], high / way[c]));
     }
+    if (first > last) return;
+    const double parts = std::max(1.0, std::ceil(way.norm() / s.apart));
+    for (auto i = std::uint32_t(std::ceil(first * parts)); i <= std::uint32_t(last * parts); ++i)
+      visit((3 * triangle + e) * kOnEdge + i % kOnEdge, Vector3d(from + i / parts * way));
   });
 }
 
@@ -130,7 +127,8 @@ void forEachOnTriangles(const Shape& shape, const Spacing& s, const Eigen::Align
 /// coordinates.
 template <class Visit>
 void forEachPoint(const Shape& shape, const Spacing& s, const Eigen::AlignedBox3d& box, const Visit& visit) {
-  if (shape.isPlane()) return;
+  // Cells smaller than points are apart are roughness, no shape that these could find.
+  if (shape.isPlane() || (shape.isHeightField() && shape.cell() < s.apart)) return;
   if (shape.hasTriangles()) {
     forEachOnTriangles(shape, s, box, visit);
   } else if (shape.isBox()) {

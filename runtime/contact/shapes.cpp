@@ -215,7 +215,7 @@ const char* Shape::faultOf(const ColliderShape& shape) {
 }
 
 Shape::Shape(const ColliderShape& shape, std::pmr::memory_resource* memory)
-    : heights_(memory), positions_(memory), triangles_(memory), neighbours_(memory), nodes_(memory) {
+    : heights_(memory), positions_(memory), triangles_(memory), neighbours_(memory), nodes_(memory), ridges_(memory) {
   const auto within = [this](const Vector3d& half) { bounds_ = {-half, half}; };
   if (const auto* plane = std::get_if<PlaneShape>(&shape)) {
     size_ = wide(plane->normal);
@@ -243,6 +243,12 @@ Shape::Shape(const ColliderShape& shape, std::pmr::memory_resource* memory)
     columns_ = grid->columns;
     rows_ = std::uint32_t(grid->heights.size() / columns_);
     heights_.assign(grid->heights);
+    for (std::size_t i = 0; i < heights_.size(); ++i) {  // of two along each axis, whose gradient is no larger
+      const auto rise = [&](std::size_t other) { return std::abs(double(heights_[other]) - double(heights_[i])); };
+      if (i % columns_ + 1 < columns_) steepest_ = std::max(steepest_, rise(i + 1));
+      if (i + columns_ < heights_.size()) steepest_ = std::max(steepest_, rise(i + columns_));
+    }
+    steepest_ *= std::sqrt(2.0) / size_.x();
     const auto [low, high] = std::minmax_element(heights_.begin(), heights_.end());
     bounds_ = {Vector3d(0, double(*low), 0),
                Vector3d(size_.x() * (columns_ - 1), double(*high), size_.x() * (rows_ - 1))};
@@ -307,6 +313,7 @@ void Shape::makeMesh(std::span<const Vec3> positions) {
   slack_ = float(kRounding * bounds_.min().cwiseAbs().cwiseMax(bounds_.max().cwiseAbs()).maxCoeff());
   makeTree();
   findNeighbours();
+  findRidges();
 }
 
 void Shape::makeTree() {
@@ -333,7 +340,7 @@ void Shape::makeTree() {
       for (const std::uint32_t v : triangles_[t]) box.extend(wide(positions_[v]).cast<float>());
       centres.extend(Eigen::Vector3f(sum(t, 0), sum(t, 1), sum(t, 2)));
     }
-    nodes_.push_back({box.min(), box.max(), job.first, job.count, 0});
+    nodes_.push_back({box.min(), box.max(), job.first, job.count, 0, 0});
     if (job.count <= kLeaf) continue;
     int axis = 0;
     centres.sizes().maxCoeff(&axis);
@@ -457,13 +464,30 @@ std::uint32_t Shape::neighbourOf(std::uint32_t triangle, std::uint32_t edge) con
   return row + 2 == rows_ ? kNone : triangle + 2 * cells - 1;
 }
 
-double Shape::ridge(std::uint32_t triangle, std::uint32_t edge) const {
+double Shape::ridgeOf(std::uint32_t triangle, std::uint32_t edge) const {
   const std::uint32_t other = neighbourOf(triangle, edge);
   if (other == kNone || other < triangle) return 0;
   const Corners corners = cornersOf(triangle);
   const Vector3d here = crossOf(corners).normalized(), there = crossOf(cornersOf(other)).normalized();
   const double sine = here.cross(there).dot((corners.at[(edge + 1) % 3] - corners.at[edge]).normalized());
   return std::max(0.0, sine / (1 + here.dot(there)));
+}
+
+void Shape::findRidges() {
+  ridges_.resize(triangles_.size());
+  for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+    for (std::uint32_t e = 0; e < 3; ++e) ridges_[t][e] = float(ridgeOf(t, e));
+  }
+  for (std::size_t n = nodes_.size(); n-- > 0;) {  // children come behind
+    Node& node = nodes_[n];
+    if (node.right != 0) {
+      node.ridge = std::max(nodes_[n + 1].ridge, nodes_[node.right].ridge);
+      continue;
+    }
+    for (std::uint32_t t = node.first; t < node.first + node.count; ++t) {
+      for (const float ridge : ridges_[t]) node.ridge = std::max(node.ridge, ridge);
+    }
+  }
 }
 
 bool Shape::isBelow(const Vector3d& p, double& depth) const {

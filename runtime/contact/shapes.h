@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory_resource>
 
@@ -65,9 +66,9 @@ class Shape {
   const Vector3d& half() const { return size_; }
   double radius() const { return radius_; }
   bool hasTriangles() const { return kind_ >= Kind::mesh; }
-  /// tan(turn / 2) of the surface across a convex edge of these, from its corner to the next, in the first of
-  /// its two triangles; else 0.
-  double ridge(std::uint32_t triangle, std::uint32_t edge) const;
+  bool isHeightField() const { return kind_ == Kind::grid; }
+  /// Side of a height field's cells, m.
+  double cell() const { return size_.x(); }
   /// Calls visit(Corners, triangle) for the triangles of a hull, mesh or height field whose boxes meet a box.
   template <class Visit>
   void forEachTriangle(const Eigen::AlignedBox3d& box, const Visit& visit) const {
@@ -83,6 +84,24 @@ class Shape {
     descend([&](const Node& node) { return boxOf(node).intersects(wanted); },
             [&](std::uint32_t triangle) { visit(cornersOf(triangle), triangle); });
   }
+  /// Calls visit(Corners, triangle, edge) for the convex edges of these triangles across which the surface turns by
+  /// more, tan(turn / 2) > least; edges from a corner to the next, in the first of their two triangles.
+  template <class Visit>
+  void forEachRidge(const Eigen::AlignedBox3d& box, double least, const Visit& visit) const {
+    const auto look = [&](std::uint32_t triangle) {
+      for (std::uint32_t edge = 0; edge < 3; ++edge) {
+        const double turn = kind_ == Kind::grid ? ridgeOf(triangle, edge) : double(ridges_[triangle][edge]);
+        if (turn > least) visit(cornersOf(triangle), triangle, edge);
+      }
+    };
+    if (kind_ == Kind::grid) {
+      if (steepest_ > least) forEachCell(box, [&](std::uint32_t cell) { look(2 * cell), look(2 * cell + 1); });
+      return;
+    }
+    const Eigen::AlignedBox3f wanted(box.min().cast<float>().array() - slack_,
+                                     box.max().cast<float>().array() + slack_);
+    descend([&](const Node& node) { return double(node.ridge) > least && boxOf(node).intersects(wanted); }, look);
+  }
 
  private:
   enum class Kind : std::uint8_t {
@@ -96,6 +115,7 @@ class Shape {
     Eigen::Vector3f low, high;   // corners of its box
     std::uint32_t first, count;  // run of triangles below it
     std::uint32_t right;         // 0 for a leaf; the left child is the next node
+    float ridge;                 // of those triangles, at most
   };
 
   static Eigen::AlignedBox3f boxOf(const Node& node) { return {node.low, node.high}; }
@@ -104,6 +124,8 @@ class Shape {
   void findNeighbours();
   Corners cornersOf(std::uint32_t triangle) const;
   std::uint32_t neighbourOf(std::uint32_t triangle, std::uint32_t edge) const;
+  double ridgeOf(std::uint32_t triangle, std::uint32_t edge) const;
+  void findRidges();
   Vector3d pseudoNormal(std::uint32_t triangle, std::uint32_t part, bool& border) const;
   NearPlace nearTriangles(const Vector3d& p, double reach) const;
   bool isBelow(const Vector3d& p, double& depth) const;
@@ -156,6 +178,9 @@ class Shape {
   Array<formats::Triangle> triangles_;   // in the tree's order
   Array<formats::Triangle> neighbours_;  // the triangle behind the edge from each corner to the next; kNone at a border
   Array<Node> nodes_;
+  Array<std::array<float, 3>>
+      ridges_;           // tan(turn / 2) of a mesh's convex edges, in the first of their triangles; else 0
+  double steepest_ = 0;  ///< slope of a height field: no edge of it turns by more
 };
 
 }  // namespace sinew::internal
