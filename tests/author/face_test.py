@@ -79,7 +79,6 @@ class Face(unittest.TestCase):
         run("bake", FACE / "recipe.json", "-o", cls.package, "--report", report)
         cls.report = json.loads(report.read_text())
         cls.about = json.loads(run("inspect", cls.package, "--json"))
-        cls.origin = cls.about["origin"]
         cls.rest = cls.pose("rest", 0.05)
         cls.points, cls.faces, cls.groups = read_source()
         cls.moved = {name: cls.pose(name, seconds)
@@ -88,7 +87,7 @@ class Face(unittest.TestCase):
         neighbours = [(x, y, z) for x in (0, -1, 1) for y in (0, -1, 1) for z in (0, -1, 1)]
         cls.visual = []
         for point in cls.points:
-            at = [round(1e4 * (p - o)) for p, o in zip(point, cls.origin)]
+            at = [round(1e4 * p) for p in point]
             keys = (tuple(a + d for a, d in zip(at, by)) for by in neighbours)
             cls.visual.append(next(near[k] for k in keys if k in near))
 
@@ -108,8 +107,7 @@ class Face(unittest.TestCase):
 
     def vertex(self, place):
         """The visual vertex at a point of the source."""
-        at = [p - o for p, o in zip(place, self.origin)]
-        squared = [sum((a - b) ** 2 for a, b in zip(x, at)) for x in self.rest]
+        squared = [sum((a - b) ** 2 for a, b in zip(x, place)) for x in self.rest]
         found = min(range(len(squared)), key=squared.__getitem__)
         self.assertLess(squared[found] ** 0.5, 1e-5, place)
         return found
