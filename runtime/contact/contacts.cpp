@@ -29,10 +29,6 @@ Vector3d velocityOf(const Field& field, std::uint32_t point, const ConstCoeffici
   return sum;
 }
 
-bool areAllPlanes(std::span<const Collider* const> all) {
-  return std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); });
-}
-
 /// sqrt(mu_a mu_b), or that of the collider alone.
 float frictionOf(const BodySettings& body, const Collider& collider) {
   const float own = collider.settings.friction;
@@ -344,6 +340,10 @@ class Search {
 };
 
 }  // namespace
+
+bool areAllPlanes(std::span<const Collider* const> all) {
+  return std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); });
+}
 
 const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point) {
   const auto& touching = piece.state.touching;

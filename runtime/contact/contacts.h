@@ -20,7 +20,7 @@ inline constexpr std::uint32_t kMostCarrying = 96, kMostContacts = 128;
 /// Points of all colliders near a piece that are looked for at most.
 inline constexpr std::uint32_t kMostLooked = 64;
 
-/// PieceState::touching has at most so many.
+/// PieceState::touching has at most so many; kMostContacts where all colliders are planes.
 inline std::size_t mostTouching(const Field& field) { return kMostContacts + field.points.size(); }
 
 /// A step as contacts see it.
@@ -64,6 +64,9 @@ struct ContactScratch {
 
 /// Memory of a point and a collider from the last step; null where they did not touch.
 const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point);
+
+/// Whether no collider is of another shape.
+bool areAllPlanes(std::span<const Collider* const> all);
 
 /// max over the contact points of |phi_j|, by function: what a bound of them is made of.
 void findReach(const Field& field, Array<float>& reach);

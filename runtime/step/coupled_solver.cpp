@@ -73,7 +73,7 @@ class CoupledSolver final : public BodySolver {
       for (Array<Vector3d>* array : piece.state.vectors()) {
         array->reserve(k);
       }
-      piece.state.touching.reserve(std::max(mostTouching(*free), fixed != nullptr ? mostTouching(*fixed) : 0));
+      piece.state.touching.reserve(kMostContacts);
       piece.system.points.reserve(kMostContacts);
       piece.system.factor.reserve(3 * k * (3 * k + 7));
       piece.state.pairs.reserve(4 * k);

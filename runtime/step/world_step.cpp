@@ -22,9 +22,11 @@ void growScratch(const BodyList& bodies, std::span<const Collider* const> collid
   for (SolverScratch& lane : scratch) {
     for (const BodyPointer& body : bodies) {
       body->solver->reserve(lane);
-      for (const Piece& piece : body->pieces) {
+      for (Piece& piece : body->pieces) {
         for (const Field* field : {piece.free, piece.fixed}) {
-          if (field != nullptr) lane.pieces.contacts.reserveNear(*field, colliders);
+          if (field == nullptr) continue;
+          lane.pieces.contacts.reserveNear(*field, colliders);
+          if (!areAllPlanes(colliders)) piece.state.touching.reserve(mostTouching(*field));
         }
       }
     }
