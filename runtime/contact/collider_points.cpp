@@ -79,12 +79,13 @@ template <class Visit>
 void forEachOnBox(const Vector3d& half, const Spacing& s, const Eigen::AlignedBox3d& box, const Visit& visit) {
   int longest = 0;
   half.maxCoeff(&longest);
+  const auto isThin = [&](int axis) { return 2 * half[axis] < 0.5 * s.apart; };
   for (int axis = 0; axis < 3; ++axis) {
     const int b = (axis + 1) % 3, c = (axis + 2) % 3;
     const double length = 2 * half[axis], parts = std::max(1.0, std::ceil(length / s.apart));
-    if (axis != longest && length < 0.5 * s.apart) continue;
+    if (axis != longest && isThin(axis)) continue;
     const auto placeAt = [&](double x) { return std::clamp((x + half[axis]) / length * parts, 0.0, parts); };
-    const auto sidesOf = [&](int a) { return 2 * half[a] < 0.5 * s.apart ? 1U : 2U; };
+    const auto sidesOf = [&](int a) { return isThin(a) ? 1U : 2U; };
     for (std::uint32_t side = 0; side < 4; ++side) {
       if (side % 2 >= sidesOf(b) || side / 2 >= sidesOf(c)) continue;
       Vector3d at;

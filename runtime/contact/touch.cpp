@@ -488,8 +488,8 @@ class TouchSearch {
     const Vector3f normal = cofactorOf(touch.gradient) * facing;
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
     const Vector3f over = at - corners_.placeOf(material_);
-    // The normal turns with b, and so do what lies along it and across: their change is how the two move apart where
-    // the point is, not where its way out ends. So neither turns the other as no force between two can.
+    // The normal turns with b, and so does what lies along it and across: its change is how the two move apart where
+    // the point is, not where its way out ends. Forces of a pair at one place turn nothing.
     touch.place = place;
     if (!b_.map->locate(place, material_)) return;
     const std::size_t first = list_.rows.size();

@@ -549,8 +549,7 @@ void PieceStep::solve() {
     std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
   };
   if (!s_.contacts.empty()) {
-    // Contacts come and go within a step: twice as many iterations, which few pieces take. Thin legs trembled for ten
-    // seconds without, and stiff ones fell over slowly.
+    // Contacts come and go within a step: twice as many iterations at most (docs/decisions/0033-colliders.md).
     const std::uint32_t most = 4 * settings_.iterations;
     // A touching piece starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
     // all that push have touched before the old place is as good a start, and at rest the end.

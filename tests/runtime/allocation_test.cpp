@@ -153,6 +153,10 @@ TEST(Allocation, NoneInAHeapThatFallsAgain) {
     place.position = {1.05F * float(i % 3), 0.6F + 1.1F * float(layer), 1.05F * float(i / 3 % 3)};
     bodies.push_back(*world.addBody(asset, place));
   }
+  ColliderSettings wire;  // has points of its own
+  wire.at = {{1, 0.2F, 0.5F}, {1, 0, 0, 0, 0, -1, 0, 1, 0}};
+  ASSERT_TRUE(world.addCollider(CapsuleShape{0.02F, 3}, wire));
+  ASSERT_TRUE(world.addCollider(BoxShape{{0.01F, 0.1F, 3}}, wire));
   const auto fall = [&] {
     for (const BodyId body : bodies) world.resetBody(body);
     for (int i = 0; i < 90; ++i) world.step(1.0F / 60);

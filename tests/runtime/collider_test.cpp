@@ -555,39 +555,21 @@ TEST(Colliders, NarrowOnesCarry) {
                                   {0.2F, -0.5F, 20}, {-0.2F, -0.5F, -20}, {-0.2F, -0.5F, 20}};
   std::vector<float> ridges;
   for (int i = 0; i < 9 * 9; ++i) ridges.push_back(i % 9 == 3 || i % 9 == 5 ? 0.0F : -1.0F);
-  const std::vector<std::pair<const char*, std::function<void(World&)>>> supports = {
-      {"spheres",
-       [&](World& world) {
-         for (const auto& at : corners) {
-           ColliderSettings place;
-           place.at.position = {float(at[0]), -0.04F, float(at[1])};
-           ASSERT_TRUE(world.addCollider(SphereShape{0.04F}, place));
-         }
-       }},
-      {"needles",
-       [&](World& world) {
-         for (const auto& at : corners) {
-           ColliderSettings place;
-           place.at.position = {float(at[0]), -1.005F, float(at[1])};
-           ASSERT_TRUE(world.addCollider(CapsuleShape{0.005F, 1}, place));
-         }
-       }},
-      {"poles",
-       [&](World& world) {
-         for (const auto& at : corners) {
-           ColliderSettings place;
-           place.at.position = {float(at[0]), -1.04F, float(at[1])};
-           ASSERT_TRUE(world.addCollider(CapsuleShape{0.04F, 1}, place));
-         }
-       }},
-      {"spikes",
-       [&](World& world) {
-         for (const auto& at : corners) {
-           ColliderSettings place;
-           place.at.position = {float(at[0]), 0, float(at[1])};
-           ASSERT_TRUE(world.addCollider(HullShape{spike}, place));
-         }
-       }},
+  using Add = std::function<void(World&)>;
+  const auto atCorners = [&corners](const ColliderShape& shape, float y) -> Add {
+    return [&corners, shape, y](World& world) {
+      for (const auto& at : corners) {
+        ColliderSettings place;
+        place.at.position = {float(at[0]), y, float(at[1])};
+        ASSERT_TRUE(world.addCollider(shape, place));
+      }
+    };
+  };
+  const std::vector<std::pair<const char*, Add>> supports = {
+      {"spheres", atCorners(SphereShape{0.04F}, -0.04F)},
+      {"needles", atCorners(CapsuleShape{0.005F, 1}, -1.005F)},
+      {"poles", atCorners(CapsuleShape{0.04F, 1}, -1.04F)},
+      {"spikes", atCorners(HullShape{spike}, 0)},
       {"wires",
        [&](World& world) {
          for (const float x : {-0.24F, 0.26F}) {

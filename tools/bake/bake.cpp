@@ -148,8 +148,9 @@ std::vector<std::byte> openingPackage(formats::PackageContent& content, const st
     // Sizes at which numbers of fields leave their bounds, and pieces thinner than rounding: clusters move those. A
     // sheet bends (thickness / size)^4 as stiffly as it stretches across, of which doubles hold 2e-16: a thousandth of
     // that is right from 1/1500 on.
+    constexpr double kBends = 1.0 / 1500;
     char least[32];
-    std::snprintf(least, sizeof least, "%.2g m", double(content.info.diagonal) / 1500);
+    std::snprintf(least, sizeof least, "%.2g m", kBends * double(content.info.diagonal));
     removeFields(content);
     fields = {{"left_out", refusal}};
     findings.push_back({"no-fields",
@@ -159,9 +160,8 @@ std::vector<std::byte> openingPackage(formats::PackageContent& content, const st
                         "",
                         {},
                         "",
-                        "A sheet bends from a thickness of about " + std::string(least) +
-                            " on, 1/1500 of the diagonal: raise tetrahedra.thickness. Or simulate it with --solver "
-                            "report."});
+                        "A sheet of this size bends from a thickness of about " + std::string(least) +
+                            " on: raise tetrahedra.thickness. Or simulate it with --solver report."});
     package = formats::writePackage(content);
     refusal = Opened(package).refusal;
   }

@@ -146,7 +146,7 @@ typedef struct sinew_world_settings {
   float ground_normal[3];          /* unit; 0 1 0 */
   float ground_offset;             /* points with normal . x < offset are inside, m; 0 */
   float ground_friction;           /* Coulomb coefficient, 0..; 0.6 */
-  uint32_t iterations;             /* half the iterations that a step may take, 1..16; 4 */
+  uint32_t iterations;             /* bound on the work of a step (settings.h), 1..16; 4 */
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
   float deformation_damping_ratio; /* of what is not rigid motion and of contacts, to critical, 0..1; 0.25 */
   float support_damping;           /* of turning on supports, 1/s; 4 */

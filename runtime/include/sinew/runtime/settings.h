@@ -68,9 +68,8 @@ struct WorldSettings {
   /// touches, changes or moves it. Over this time it has moved by less than 1e-3 diagonals a second (docs/method.md
   /// §3). s, 0..1e4; 0: never.
   float sleep_seconds = 0;
-  /// Bound on the work of a step, 1..16: a piece takes at most twice as many iterations,
-  /// on colliders four times, fewer once it has settled.
-  /// No stiffness: that does not depend on it (docs/method.md §3).
+  /// Bound on the work of a step, 1..16: a piece takes at most twice as many iterations, four times where it touches
+  /// colliders alone, fewer once it has settled. No stiffness: that does not depend on it (docs/method.md §3).
   std::uint32_t iterations = 4;
   /// Rate at which all velocity decays, as in air: v *= exp(-damping h). 1/s, 0..1e4.
   float damping = 0.2F;
