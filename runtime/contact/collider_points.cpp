@@ -240,7 +240,8 @@ class ColliderPiece {
                 touch.depth,
                 std::numeric_limits<float>::infinity(),
                 {},
-                {}};
+                {},
+                0};
       for (std::size_t c = 0; c < 3; ++c) {
         memory.anchor[c] = float(touch.anchor[c]);
         memory.outward[c] = float(touch.normal[c]);

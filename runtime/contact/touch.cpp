@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/contact/firmness.h"
@@ -28,6 +29,10 @@ constexpr std::size_t kMostFunctions = 1024;
 constexpr int kLeaving = 64;
 /// Points that are looked at together.
 constexpr int kBlock = 8;
+/// Ways out of each piece that are looked at, points of each that are to come out, and the cosine of ways that count as
+/// one.
+constexpr std::size_t kWays = 8, kProbes = 64;
+constexpr float kAlike = 0.999F;
 /// So near points of one piece are, of the distance between neighbours, where its surface may touch itself.
 constexpr float kNeighbours = 1.5F;
 
@@ -185,8 +190,8 @@ std::span<const TouchMemory> touchesBetween(std::span<const TouchMemory> known, 
 }
 
 std::span<const TouchMemory> touchesOf(const TouchingPiece& a, const TouchingPiece& b) {
-  return touchesBetween(a.known, {a.body, a.piece, b.body, b.piece, 0, 0, 0, 0, {}, {}},
-                        {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, 0, {}, {}});
+  return touchesBetween(a.known, {a.body, a.piece, b.body, b.piece, 0, 0, 0, 0, {}, {}, 0},
+                        {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, 0, {}, {}, 0});
 }
 
 Eigen::Map<const Vector3f> outwardOf(const TouchMemory& touch) {
@@ -225,11 +230,66 @@ class TouchSearch {
       sortPoints();
       return;
     }
-    // The way that the two pushed each other apart, by how deep they were.
-    Vector3f way = Vector3f::Zero();
-    for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
-    for (const TouchMemory& touch : touchesOf(b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
+    met_ = !known_.empty() || !touchesOf(b_, a_).empty();
+    const bool in_order = std::pair(a_.body, a_.piece) < std::pair(b_.body, b_.piece);
+    Vector3f way = in_order ? wayApart(a_, b_) : Vector3f(-wayApart(b_, a_));
+    parting_ = !way.isZero(0);
+    if (!parting_) {
+      // The way that the two pushed each other apart, by how deep they were.
+      for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
+      for (const TouchMemory& touch : touchesOf(b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
+    }
     if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
+  }
+
+  /// The way on which a piece leaves another one that it started in, unit; 0: it did not. Of the ways of points of both,
+  /// the one on which they are out soonest.
+  static Vector3f wayApart(const TouchingPiece& one, const TouchingPiece& other) {
+    Vector3f best = Vector3f::Zero();
+    float shortest = std::numeric_limits<float>::infinity();
+    const auto chooseAmong = [&](const TouchingPiece& from, const TouchingPiece& in, float sign) {
+      const auto touches = touchesOf(from, in);
+      const auto isParting = [](const TouchMemory& touch) { return touch.parting != 0; };
+      const auto count = std::size_t(std::count_if(touches.begin(), touches.end(), isParting));
+      std::size_t n = 0;
+      for (const TouchMemory& touch : touches) {
+        if (!isParting(touch) || n++ % ((count + kWays - 1) / kWays) != 0) continue;
+        const Vector3f way = sign * (in.turn * outwardOf(touch));
+        if (way.dot(best) > kAlike) continue;
+        if (!best.isZero(0) && !std::isfinite(shortest)) shortest = lengthOf(one, other, best, shortest);
+        const float length = best.isZero(0) ? shortest : lengthOf(one, other, way, shortest);
+        if (best.isZero(0) || length < shortest) shortest = length, best = way;
+      }
+    };
+    chooseAmong(one, other, 1);
+    chooseAmong(other, one, -1);
+    return best;
+  }
+
+  /// How far the one has to go on a way until no point of either is in the other; what is longer than `most` may be any
+  /// such number. Points are spread, the first ones widest.
+  static float lengthOf(const TouchingPiece& one, const TouchingPiece& other, const Vector3f& way, float most) {
+    float length = 0;
+    const auto leave = [&](const TouchingPiece& from, const TouchingPiece& in, const Vector3f& along) {
+      if (in.map == nullptr) return;
+      const std::size_t stride = from.points.size() / 3, count = std::min(kProbes, from.field->points.size());
+      const Vector3f apart = (from.center - in.center).cast<float>(), local = in.turn.transpose() * along;
+      const float end = along.cwiseProduct(in.low).cwiseMax(along.cwiseProduct(in.high)).sum() + in.map->bulge();
+      const float least = 0.5F * in.map->spacing();
+      for (std::size_t p = 0; p < count && length < most; ++p) {
+        const Vector3f at = apart + Vector3f(from.points[p], from.points[stride + p], from.points[2 * stride + p]);
+        const Vector3f place = in.turn.transpose() * at + in.rest_center;
+        // Back from where it is out, by steps as long as the surface is far (Hart 1996).
+        for (float t = end - along.dot(at); t > length;) {
+          const float distance = in.map->distance(place + t * local);
+          if (distance < 0) length = t;
+          t -= std::max(distance, least);
+        }
+      }
+    };
+    leave(one, other, way);
+    leave(other, one, -way);
+    return length;
   }
 
   void lookAll() {
@@ -251,7 +311,7 @@ class TouchSearch {
   /// Adds the touch of a point, if it is one. An old touch counts at its old place too: a prediction that goes on as a
   /// thin part sprang leads away from what that part lies on. \param last what the step before knew of it, or null
   void look(std::uint32_t p, const TouchMemory* last) {
-    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}};
+    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}, 0};
     const Vector3f at = pointAt(p) + apart_;
     Vector3f place;
     float distance;
@@ -455,20 +515,20 @@ class TouchSearch {
     FoundTouch touch = {};
     const bool known = last != nullptr;
     const bool touched = known && last->depth > 0;
+    // What starts inside goes out on one way: of many some would hold each other.
+    const bool parts = distance < -margin_ && (parting_ || (!met_ && wasDeep(p)));
     // A point goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
-    // a point that lies beyond the edge is carried still. One that started deep inside goes out as the two were pushed
-    // apart: of many ways some would hold each other; its own of before does where that does not. Of others surfaces
-    // that touch face each other: where the nearest way out does not, the way back into a does.
+    // a point that lies beyond the edge is carried still. Of others surfaces that touch face each other: where the
+    // nearest way out does not, the way back into a does.
     Vector3f facing, left_at, way = Vector3f::Zero();
-    bool as_before = false;
-    if (known) {
-      way = outwardOf(*last);
-      as_before = touched && last->floor != 0 && distance < -margin_
-                      ? way_.dot(way) > 0 && leaves(place, distance, way, left_at, facing)
-                      : leaveAsBefore(place, distance, way, left_at, facing);
+    bool leads = false;
+    if (parts && parting_) {
+      leads = leaves(place, distance, way = way_, left_at, facing);
+    } else if (known && !parts) {
+      leads = leaveAsBefore(place, distance, way = outwardOf(*last), left_at, facing);
     }
-    if (!as_before) {
-      if (!(distance < -margin_ && leaves(place, distance, way_, left_at, facing))) {
+    if (!leads) {
+      if (parts || !(distance < -margin_ && leaves(place, distance, way_, left_at, facing))) {
         way = b_.map->outward(place);
         if (way.isZero(0)) return;
         const Vector3f back = entered ? way : wayBack(p, place);
@@ -480,6 +540,7 @@ class TouchSearch {
       Vector3f nearer, there;
       if (leaves(place, distance, way, nearer, there)) left_at = nearer, facing = there;
     }
+    if (parts) facing = way;
     touch.left_at = left_at;
     if (!b_.map->locate(left_at, material_)) return;
     touch.entered = entered;
@@ -508,7 +569,7 @@ class TouchSearch {
     // load, so that a stuck one is no spring that winds up and a carrier does not sink. One from outside is
     // pressed in no deeper than it was where its way out is another one.
     const double diagonal = std::min(a_.diagonal, b_.diagonal), rise = kRecoverySpeed * h_ * diagonal;
-    const bool came_in = touched ? last->floor == 0 : gap_before >= 0;
+    const bool came_in = !parts && (touched ? last->floor == 0 : gap_before >= 0);
     const double depth = touched ? double(last->depth) : 0;
     const double low = double(gap_before) + (came_in ? depth + rise : std::max(depth, rise));
     t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low));
@@ -531,6 +592,7 @@ class TouchSearch {
     }
     touch.before = slid - std::max(0.0F, t.floor - gap_before) * t.normal;
     touch.memory = key;
+    touch.memory.parting = parts ? 1 : 0;
     if (touched) touch.memory.depth = last->depth, touch.memory.kappa = last->kappa;
     if (touch.held) touch.memory.anchor = last->anchor;
     // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
@@ -542,6 +604,13 @@ class TouchSearch {
       for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] -= row_b[j], row_b[j] = 0;
     }
     list_.touches.push_back(touch);
+  }
+
+  /// Whether a point lay in b before the step.
+  bool wasDeep(std::uint32_t p) {
+    Vector3f place;
+    float distance;
+    return isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance) && distance < -margin_;
   }
 
   /// The way back into a from one of its points, in b's rest shape; 0: not known.
@@ -586,6 +655,7 @@ class TouchSearch {
   Corners corners_;                  ///< of b
   MaterialPoint material_;           ///< of b, located last
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
+  bool parting_ = false, met_ = false;
   int axis_ = 0;                     ///< of a.order
   float reach_ = 0;                  ///< of neighbours, m
   std::array<float, kMostFunctions> row_;
@@ -633,7 +703,7 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
 }
 
 std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> touches, std::uint32_t body, std::uint32_t piece) {
-  return touchesBetween(touches, {body, piece, 0, 0, 0, 0, 0, 0, {}, {}}, {body, piece + 1, 0, 0, 0, 0, 0, 0, {}, {}});
+  return touchesBetween(touches, {body, piece, 0, 0, 0, 0, 0, 0, {}, {}, 0}, {body, piece + 1, 0, 0, 0, 0, 0, 0, {}, {}, 0});
 }
 
 TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {

@@ -22,6 +22,7 @@ struct TouchMemory {
   float kappa;                                            ///< Push::kappa, N/m
   std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
   std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
+  std::uint32_t parting;                                  ///< 1: the two started inside one another, and it is still
 };
 
 /// A piece as contacts see it in a step.

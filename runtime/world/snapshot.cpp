@@ -445,8 +445,6 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
         }
         impl_->bodies.swap(bodies);
         impl_->colliders.swap(colliders);
-        impl_->together.touching.swap(touching);
-        impl_->findTouching();
         impl_->events.clear();
         impl_->visual.invalidate();
         // Ids are free for their saved owners.
@@ -500,6 +498,8 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
             piece.system.h = factor.floats == floatsOfFactor(piece.field()) ? factor.h : 0;
           }
         }
+        impl_->together.touching.swap(touching);
+        impl_->findTouching();
         impl_->settings = restored(settings);
         impl_->acting = restored(acting);
         impl_->next_body = header.next_body;

@@ -288,7 +288,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     return true;
   });
   if (!reserved) return Error{"restoreState: out of memory"};
-  impl_->changed(*body);
+  impl_->displaced(*body);
   reader.get(body->x.data(), header.vertices);
   reader.get(body->v.data(), header.vertices);
   body->pins.resize(header.pins);
@@ -341,7 +341,7 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a translation within 1e15 m");
     return;
   }
-  impl_->changed(*body);
+  impl_->displaced(*body);
   geometry::Quaternion turn = geometry::kIdentityQuaternion;
   geometry::nearestRotation(internal::asMatrix(rotation), turn);
   impl_->move(*body,

@@ -354,7 +354,7 @@ void World::resetBody(BodyId id) {
     internal::setPackagePins(*body, impl_->next_pin_set);
     body->reset();
     keepHistory(*body);
-    impl_->changed(*body);
+    impl_->displaced(*body);
     return true;
   });
 }
@@ -540,7 +540,7 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
   }
   body->solver->takeState();
   keepHistory(*body);
-  impl_->changed(*body);
+  impl_->displaced(*body);
 }
 
 BodyEnergy World::energy(BodyId id) const {

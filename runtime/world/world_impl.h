@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -172,6 +173,16 @@ struct SINEW_HIDDEN World::Impl {
     } else {
       internal::wakeAll(bodies);
     }
+  }
+
+  /// To be called where a body is at another place all at once: what it touched there it touches no more.
+  void displaced(internal::Body& body) {
+    auto& known = together.touching;
+    const auto has = [&](const internal::TouchMemory& touch) {
+      return touch.body_a == body.id || touch.body_b == body.id;
+    };
+    known.truncate(std::size_t(std::remove_if(known.begin(), known.end(), has) - known.begin()));
+    changed(body);
   }
 
   /// The body, what holds it and what was drawn of it become r x + t.

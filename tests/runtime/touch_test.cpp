@@ -423,7 +423,7 @@ TEST(Touch, ACornerStaysUnderWhatItPushes) {
     const Vector3d at(-0.476, -0.5 + double(deep), -0.495);
     const SeenPiece lower(asset, 1, [&](const Vector3d& x) { return Vector3d(x + at - Vector3d(-0.5, 0.5, -0.5)); });
     const std::vector<internal::TouchMemory> known = {
-        {1, 0, 2, 0, corner, 0, deep, 3e6F, {-0.476F, -0.5F, -0.495F}, {0, -0.954F, -0.3F}}};
+        {1, 0, 2, 0, corner, 0, deep, 3e6F, {-0.476F, -0.5F, -0.495F}, {0, -0.954F, -0.3F}, 0}};
     EXPECT_NE(SeenTouches(lower, upper, known).of(corner), nullptr) << deep;
   }
 }
