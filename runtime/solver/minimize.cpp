@@ -51,6 +51,7 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       residual(memory),
       springs(memory),
       pairs(kPairs, memory),
+      rigid(memory),
       lanes(memory),
       parts(memory),
       quaternions(memory),
@@ -80,6 +81,7 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(quaternions, 32 * std::size_t(field.pack_count));
   grow(squeezed, 8 * std::size_t(field.pack_count));
   grow(samples, kStiffnessScratch * std::size_t(field.pack_count));
+  rigid.reserve(1, 0);
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
   for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces}) grow(*array, k);
@@ -591,18 +593,47 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
                     objective.fallen2(gradient));
 }
 
+namespace {
+
+constexpr std::uint32_t kOnly = 0;
+
+/// A piece as a Minimand of its own. \param pieces what it refers to.
+Minimand aloneIn(Objective* const* piece) {
+  Minimand minimand;
+  minimand.pieces = {piece, 1};
+  minimand.first = {&kOnly, 1};
+  minimand.order = {&kOnly, 1};
+  minimand.size = 4 * (*piece)->field->k;
+  minimand.vectors = (*piece)->scratch;
+  return minimand;
+}
+
+}  // namespace
+
 Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
                           Objective::Value value) {
-  Objective* const pieces[] = {&objective};
+  Objective* const piece = &objective;
   SystemFactor* const systems[] = {&system};
-  const std::uint32_t first[] = {0};
-  Minimand minimand;
-  minimand.pieces = pieces;
+  Minimand minimand = aloneIn(&piece);
   minimand.systems = systems;
-  minimand.first = first;
-  minimand.size = 4 * objective.field->k;
-  minimand.vectors = objective.scratch;
   return minimize(minimand, pairs, iterations, value);
+}
+
+bool slides(const Objective& objective) {
+  const auto& contacts = objective.scratch->contacts;
+  return objective.field->driven == 0 &&
+         std::any_of(contacts.begin(), contacts.end(), [](const Contact& c) { return heldAcross(c) < 1; });
+}
+
+void slide(Objective& objective, const float* d, const float* gradient, float* to) {
+  Objective* const piece = &objective;
+  const Minimand minimand = aloneIn(&piece);
+  RigidCoupling& rigid = objective.scratch->rigid;
+  rigid.make(minimand, true);
+  rigid.take(minimand, gradient);
+  std::fill_n(to, minimand.size, 0.0F);
+  rigid.giveAlone(minimand, to);
+  for (std::uint32_t i = 0; i < minimand.size; i += 4) Four::Map(to + i) = Four::Map(d + i) - Four::Map(to + i);
 }
 
 Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterations, Objective::Value value) {
@@ -624,6 +655,14 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   };
   const auto clear = [&] { all([](Pairs& some) { some.clear(); }); };
   if (minimand.lanes != nullptr) minimand.lanes->pullOn(jobs);
+  // First matrices hold across what pushes: what slides as a whole goes its way at once.
+  const bool is_alone = minimand.rigid == nullptr;
+  const auto findSlides = [&] {
+    if (!is_alone || (minimand.rigid == nullptr && !slides(*minimand.pieces[0]))) return;
+    minimand.rigid = &s.rigid;
+    s.rigid.make(minimand, true);
+  };
+  findSlides();
   double energy_noise = 0;
   for (const Objective* piece : minimand.pieces) {
     energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->size2();
@@ -691,6 +730,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     value = next;
     // Friction's bound follows the load: the objective of the next iteration is another one.
     if (has_friction) value.total += minimand.rub(gradient);
+    findSlides();
   }
   return value;
 }

@@ -12,6 +12,7 @@
 #include "runtime/memory/array.h"
 #include "runtime/solver/pairs.h"
 #include "runtime/solver/piece.h"
+#include "runtime/solver/rigid_coupling.h"
 #include "runtime/solver/system.h"
 #include "runtime/solver/touch_lanes.h"
 #include "sinew/runtime/settings.h"
@@ -34,6 +35,13 @@ struct Push {
 
 /// Height above its floor at its way, m: it pushes where this is negative.
 inline float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
+
+/// Part of kappa by which friction, under its present load, holds a push across the normal from where the prediction has
+/// it: 1 where it sticks, else the chord of its energy's derivative (reweighted least squares, Holland and Welsch 1977).
+inline float heldAcross(const Push& push) {
+  const float slide = push.kappa * push.slide.norm(), most = push.friction * push.pressed;
+  return slide > most ? most / slide : 1;
+}
 
 /// The energy's derivative by the way of a push's point, the force on what pushes, and the energy itself.
 struct PushForce {
@@ -97,7 +105,8 @@ struct MinimizeScratch {
   Array<float> offset;  ///< from there to the base
   Array<float> shape;   ///< the prediction relative to its centre, less the rest shape, in the frame of the piece
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
-  Pairs pairs;  ///< of pieces together
+  Pairs pairs;          ///< of pieces together
+  RigidCoupling rigid;  ///< of these, or of one piece that slides
   Array<float> lanes, parts, quaternions;
   Array<float> squeezed;
   Array<float> samples;  ///< of stiffnessAt()
@@ -172,8 +181,6 @@ struct Objective {
   double roughStiffness() const;
 };
 
-class RigidCoupling;
-
 /// Pieces that are minimized together, and what couples them.
 struct Minimand {
   std::span<Objective* const> pieces;
@@ -188,6 +195,8 @@ struct Minimand {
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
   std::span<Pairs* const> own_pairs;     ///< of each piece (takeOwn()); none of one piece alone
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
+  /// The loads under which friction holds are about those of the end: `rigid` holds what slides along its normal alone.
+  bool knows_loads = true;
   std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`, first the ones that hang or lie on others
 
   Objective::Value at(const float* d, float* gradient, bool mark) const;
@@ -237,6 +246,12 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
 /// The same of one piece.
 Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
                           Objective::Value start);
+
+/// Whether a contact of a piece alone slides (heldAcross()) under the load that it has.
+bool slides(const Objective& objective);
+/// Where a piece comes to from an offset as if it were rigid, under the loads that its contacts have. \param gradient
+/// there. \param[out] to not d.
+void slide(Objective& objective, const float* d, const float* gradient, float* to);
 
 /// Whether minimize() would stop at once at an offset with this gradient.
 bool isSettled(const Objective& objective, const float* d, const float* gradient);

@@ -33,6 +33,16 @@ Block blockOf(const Eigen::Matrix4d& gram) {
   return block;
 }
 
+/// The same form (n . x_1) (n . x_2) of two places with these moments.
+Block blockAlong(const Vector3d& n, const Eigen::Vector4d& one, const Eigen::Vector4d& other) {
+  const auto row = [&n](const Eigen::Vector4d& at) {
+    Six result;
+    result << at[0] * n, at.tail<3>().cross(n);
+    return result;
+  };
+  return row(one) * row(other).transpose();
+}
+
 /// from -= a b^T: unrolled once.
 [[gnu::noinline]] void subtractProduct(Block& from, const Block& a, const Block& b) { from -= a * b.transpose(); }
 
@@ -97,25 +107,30 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
     }
     gram += sum * armOf(i).transpose();
   }
+  Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
+  turn.bottomRightCorner<3, 3>() = frameOf(objective);
   Eigen::Matrix4d carrying = gram;  // of A
-  const auto add = [&](float firm, const Eigen::Vector4d& at, bool carries) {
+  Block along = Block::Zero();      // of A: what slides is held along its normal
+  const auto add = [&](const Push& push, float firm, const Eigen::Vector4d& at, bool carries) {
     const Eigen::Matrix4d own = double(firm) * at * at.transpose();
     gram += own;
-    if (carries) carrying += own;
+    if (!carries) return;
+    const double across = partAcross(push);
+    carrying += across * own;
+    if (across < 1) along += (1 - across) * double(firm) * blockAlong(push.normal.cast<double>(), turn * at, turn * at);
   };
   for (const Contact& contact : objective.scratch->contacts) {
     const Vector3d arm = contact.rest.cast<double>() - field.rest_center;
-    add(contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries);
+    add(contact, contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries);
   }
-  Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
-  turn.bottomRightCorner<3, 3>() = frameOf(objective);
   for (const TouchRow& touch : objective.touch_rows) {
     const Eigen::Vector4d at = touch.moments.cast<double>();
-    add(touch.firm, at, minimand.touches[touch.touch].carries);
+    const TouchLink& link = minimand.touches[touch.touch];
+    add(minimand.lanes->push(link.slot), touch.firm, at, link.carries);
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
   d = blockOf(turn * gram * turn.transpose());
-  a = blockOf(turn * carrying * turn.transpose());
+  a = along + blockOf(turn * carrying * turn.transpose());
 }
 
 namespace {
@@ -134,7 +149,10 @@ void findCarrying(const Minimand& minimand, bool pushing_only) {
 
 }  // namespace
 
+double RigidCoupling::partAcross(const Push& push) const { return knows_loads_ ? double(heldAcross(push)) : 1; }
+
 void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
+  knows_loads_ = minimand.knows_loads;
   findCarrying(minimand, pushing_only);
   nodes_.clear();
   couplings_.clear();
@@ -177,7 +195,10 @@ void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
     const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];
     const Eigen::Vector4d &later = moments_[2 * i + (a_is_later ? 0 : 1)],
                           &earlier = moments_[2 * i + (a_is_later ? 1 : 0)];
-    coupling->block += blockOf(-double(touch.firm) * later * earlier.transpose());
+    const Push push = minimand.lanes->push(touch.slot);
+    const double firm = double(touch.firm), across = partAcross(push);
+    coupling->block += blockOf(-across * firm * later * earlier.transpose());
+    if (across < 1) coupling->block -= (1 - across) * firm * blockAlong(push.normal.cast<double>(), later, earlier);
   }
   takeApart();
 }

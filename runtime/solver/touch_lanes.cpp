@@ -92,6 +92,21 @@ float TouchLanes::gap(std::uint32_t slot) const {
          (pack.normal[0][i] * pack.way[0][i] + pack.normal[1][i] * pack.way[1][i] + pack.normal[2][i] * pack.way[2][i]);
 }
 
+Push TouchLanes::push(std::uint32_t slot) const {
+  const PushPack& pack = packs_[slot / 8];
+  const std::uint32_t i = slot % 8;
+  const auto at = [i](const float (&of)[3][8]) { return Eigen::Vector3f(of[0][i], of[1][i], of[2][i]); };
+  Push push = {};
+  push.normal = at(pack.normal);
+  push.slide = at(pack.slide);
+  push.way = at(pack.way);
+  push.gap = pack.gap[i];
+  push.kappa = pack.kappa[i];
+  push.friction = pack.friction[i];
+  push.pressed = pack.pressed[i];
+  return push;
+}
+
 PushArguments TouchLanes::argumentsOf(TouchPair& pair, const float* d, std::span<const std::uint32_t> first) {
   const auto sideOf = [&](const TouchSide& side) {
     return PushSide{side.functions, side.rotation, d + first[side.piece]};

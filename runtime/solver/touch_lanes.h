@@ -65,6 +65,8 @@ class TouchLanes {
   float gap(std::uint32_t slot) const;
   /// The same at the prediction.
   float predictedGap(std::uint32_t slot) const { return packs_[slot / 8].gap[slot % 8]; }
+  /// A touch as last evaluated, without what matrices have of it.
+  Push push(std::uint32_t slot) const;
   bool hasFriction() const { return has_friction_; }
 
   /// The touches' energy at coefficients of all. \param first of each piece's in d. \return joule

@@ -39,7 +39,7 @@ void IslandScratch::reserve(std::size_t steps, const IslandSize& size) {
   const std::size_t members = std::bit_ceil(size.members), functions = std::bit_ceil(size.functions),
                     touch_count = std::bit_ceil(size.touches);
   vectors.reserveVectors(4 * functions);
-  rigid.reserve(members, touch_count);
+  vectors.rigid.reserve(members, touch_count);
   for (Array<std::uint32_t>* array : {&first, &order, &near_order, &arranged, &hops, &next_row})
     array->reserve(members + 1);
   place.reserve(steps);
@@ -224,7 +224,8 @@ void Island::couple(const Vector3d& gravity) {
     return a != b ? a < b : i < j;
   });
   minimand_.order = {order.data(), order.size()};
-  minimand_.rigid = &scratch_.rigid;
+  minimand_.rigid = &scratch_.vectors.rigid;
+  minimand_.knows_loads = near_ == 0;
 }
 
 void Island::solve(std::uint32_t iterations) {
@@ -242,7 +243,7 @@ void Island::solve(std::uint32_t iterations) {
   bool last_taken = true;  // touches are as they are at s.d
   if (near_ > 0) {
     const Minimand near = all_near ? minimand_ : nearImpacts();
-    scratch_.rigid.make(near, false);
+    scratch_.vectors.rigid.make(near, false);
     stale = startRigid(near, all_near ? value : near.at(s.d.data(), s.gradient.data(), false), value);
     last_taken = false;
     scratch_.lanes.useFirst(std::uint32_t(scratch_.lanes.pairs().size()));
@@ -284,7 +285,7 @@ void Island::solve(std::uint32_t iterations) {
       scratch_.lanes.evaluate(s.d.data(), minimand_.first, jobs_);
     }
   }
-  scratch_.rigid.make(minimand_, true);
+  scratch_.vectors.rigid.make(minimand_, true);
   s.pairs.start(size);
   minimize(minimand_, s.pairs, (all_near ? kImpact : 1) * 2 * iterations, value);
   if (near_ == 0 || all_near) return;
@@ -292,7 +293,7 @@ void Island::solve(std::uint32_t iterations) {
   // Trials have the others where they are.
   std::copy(s.d.data() + near.size, s.d.data() + size, s.next.data() + near.size);
   value = near.at(s.d.data(), s.gradient.data(), false);
-  scratch_.rigid.make(near, true);
+  scratch_.vectors.rigid.make(near, true);
   s.pairs.start(near.size);
   minimize(near, s.pairs, (kImpact - 1) * 2 * iterations, value);
 }
@@ -305,8 +306,8 @@ bool Island::startRigid(const Minimand& near, Objective::Value near_value, Objec
   std::copy_n(s.gradient.data(), near.size, s.next_gradient.data());
   for (int round = 0; round < kRigidRounds; ++round) {
     std::fill_n(s.direction.begin(), near.size, 0.0F);
-    scratch_.rigid.take(near, s.next_gradient.data());
-    scratch_.rigid.giveAlone(near, s.direction.data());
+    scratch_.vectors.rigid.take(near, s.next_gradient.data());
+    scratch_.vectors.rigid.giveAlone(near, s.direction.data());
     for (std::uint32_t i = 0; i < near.size; ++i) s.next[i] -= s.direction[i];
     near.press(s.next.data());
     const Objective::Value other = near.at(s.next.data(), s.next_gradient.data(), false);

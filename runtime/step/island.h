@@ -6,7 +6,6 @@
 #include <span>
 
 #include "runtime/contact/touch.h"
-#include "runtime/solver/rigid_coupling.h"
 #include "runtime/step/piece_step.h"
 
 namespace sinew::internal {
@@ -23,7 +22,6 @@ struct IslandSize {
 struct IslandScratch {
   explicit IslandScratch(std::pmr::memory_resource* memory)
       : vectors(memory),
-        rigid(memory),
         first(memory),
         order(memory),
         near_order(memory),
@@ -44,7 +42,6 @@ struct IslandScratch {
   void reserve(std::size_t steps, const IslandSize& size);
 
   MinimizeScratch vectors;
-  RigidCoupling rigid;
   Array<std::uint32_t> first, order, near_order, place, arranged, hops, next_row;
   Array<Objective*> objectives;
   Array<SystemFactor*> systems;

@@ -556,6 +556,18 @@ void PieceStep::solve() {
     std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
     objective_.press(s_.old.data());
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
+    if (slides(objective_)) {
+      // What slides goes on as a whole, under the loads that it had.
+      const Objective::Value still = objective_.at(s_.old.data(), s_.next_gradient.data(), false);
+      slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());
+      const Objective::Value slid = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+      if (slid.total < std::min(still.total, value.total)) {
+        takeOld(slid);
+        value_ = minimize(objective_, piece_.system, pairs, most, value);
+        return;
+      }
+      std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
+    }
     if (piece_.state.elastic >= 0 && expected < value.total) {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
