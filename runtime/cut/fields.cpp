@@ -28,6 +28,8 @@ constexpr std::size_t kLeastSectionPoints = 8;
 constexpr double kMostSectionPoints = 1e3;
 /// Of the largest: eigenvalues of modes that nothing resists.
 constexpr double kNoStiffness = 1e-9;
+/// Of the stiffness of the least affine shape: functions of less are none. A neck of a tenth of a body's width has 1e-2.
+constexpr double kSlack = 1e-3;
 
 /// Blocks of eight rows: element j of block b holds column j of rows 8 b .. 8 b + 7.
 void appendBlocks(const MatrixXd& rows, std::vector<formats::Lanes>& to) {
@@ -108,19 +110,44 @@ class CutField {
     }
   }
 
+  /// What of the functions beyond the affine ones, which are first, resists: free x these. Along a body no shape that is
+  /// not affine has much less energy than the least affine one (Poincare's inequality); what has moves corners that
+  /// have hardly a volume, and nothing would hold these.
+  MatrixXd resisting(const MatrixXd& energy) const {
+    const Index n = energy.rows(), affine = functions_.affine, others = n - affine;
+    const Index rigid = functions_.driven == 0 ? 1 : 0;
+    if (others == 0 || affine <= rigid) return MatrixXd::Identity(n, n);
+    const double least = geometry::symmetricEigen(energy.topLeftCorner(affine, affine)).values[rigid];
+    const geometry::SymmetricEigen beyond = geometry::symmetricEigen(energy.bottomRightCorner(others, others));
+    Index slack = 0;
+    while (slack < others && !(beyond.values[slack] > kSlack * least)) ++slack;
+    MatrixXd kept = MatrixXd::Zero(n, n - slack);
+    kept.topLeftCorner(affine, affine).setIdentity();
+    kept.bottomRightCorner(others, others - slack) = beyond.vectors.rightCols(others - slack);
+    return kept;
+  }
+
   /// Makes the functions that are not driven diagonalize sum V (2 mu + lambda) grad grad^T; then the modes.
   void turn(MatrixXd& tethers) {
-    const Index driven = functions_.driven, n = functions_.free();
-    const MatrixXd energy = stiffnessOf(samples_);
-    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(energy.bottomRightCorner(n, n));
-    const MatrixXd& q = eigen.vectors;
+    const Index driven = functions_.driven, before = functions_.free();
+    const MatrixXd whole = stiffnessOf(samples_);
+    MatrixXd energy = whole.bottomRightCorner(before, before);
+    MatrixXd held = energy;
+    if (tethers.size() > 0) held += tethers.bottomRightCorner(before, before);
+    const MatrixXd kept = resisting(held);
+    energy = (kept.transpose() * energy * kept).eval();
+    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(energy);
+    const MatrixXd q = kept * eigen.vectors;
+    const Index n = q.cols();
+    functions_.turn(q);
     stiffness_ = VectorXd::Zero(functions_.count());
     stiffness_.tail(n) = eigen.values.cwiseMax(0.0);
-    functions_.turn(q);
-    samples_.gradients.bottomRows(n) = (q.transpose() * samples_.gradients.bottomRows(n)).eval();
+    samples_.gradients.middleRows(driven, n) = (q.transpose() * samples_.gradients.bottomRows(before)).eval();
+    samples_.gradients.conservativeResize(driven + n, Eigen::NoChange);
     if (tethers.size() > 0) {
-      tethers.bottomRows(n) = (q.transpose() * tethers.bottomRows(n)).eval();
-      tethers.rightCols(n) = (tethers.rightCols(n) * q).eval();
+      tethers.middleRows(driven, n) = (q.transpose() * tethers.bottomRows(before)).eval();
+      tethers.middleCols(driven, n) = (tethers.rightCols(before) * q).eval();
+      tethers.conservativeResize(driven + n, driven + n);
     }
     modes_ = findModes(samples_, tethers, driven);
   }

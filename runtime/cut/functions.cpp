@@ -91,11 +91,15 @@ MatrixXd PartFunctions::valuesFrom(const Eigen::MatrixX3d& at, const MatrixXd& o
 }
 
 void PartFunctions::turn(const MatrixXd& by) {
-  const auto turnRows = [&](auto&& rows) { rows = (by.transpose() * rows).eval(); };
-  turnRows(of_monomials.bottomRows(free()));
-  turnRows(of_parent.bottomRows(free()));
-  turnRows(one.tail(free()));
-  turnRows(rest.bottomRows(free()));
+  const Index n = free(), left = driven + by.cols();
+  const auto turnRows = [&](auto& all) {
+    all.middleRows(driven, by.cols()) = (by.transpose() * all.bottomRows(n)).eval();
+    all.conservativeResize(left, all.cols());
+  };
+  turnRows(of_monomials);
+  turnRows(of_parent);
+  turnRows(one);
+  turnRows(rest);
 }
 
 PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& parent_values,
@@ -148,6 +152,7 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   const MatrixXd combine =
       beyond.vectors.rightCols(kept) * beyond.values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 
+  made.affine = rank;
   const Index count = made.driven + rank + kept;
   made.of_monomials = MatrixXd::Zero(count, 4);
   made.of_monomials.middleRows(made.driven, rank) = affine.transpose();

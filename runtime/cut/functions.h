@@ -47,6 +47,7 @@ class ParentField {
 /// held.
 struct PartFunctions {
   Eigen::Index driven = 0;       ///< the first ones
+  Eigen::Index affine = 0;       ///< of the others, the first ones until turn()
   Eigen::MatrixXd of_monomials;  ///< k x 4: by 1, (X - center) / size
   Eigen::MatrixXd of_parent;     ///< k x those of the parent
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
@@ -61,7 +62,7 @@ struct PartFunctions {
   Eigen::MatrixXd gradientsFrom(const Eigen::MatrixXd& of_parent_here) const;
   /// At places, m: places x k. \param of_parent_here the parent's, places x its functions.
   Eigen::MatrixXd valuesFrom(const Eigen::MatrixX3d& at, const Eigen::MatrixXd& of_parent_here) const;
-  /// Those that are not driven become sums of each other. \param turn orthogonal.
+  /// Those that are not driven become sums of each other. \param by as many rows as there are, orthonormal columns.
   void turn(const Eigen::MatrixXd& by);
 };
 

@@ -36,11 +36,16 @@ class Finder {
     listCells();
     wanted_ = std::min(cells_.size(), kSamples * std::size_t(functions_.count()));
     of_parent_.resize(parent_.count(), 3 * Index(std::max(wanted_, 8 * std::size_t(parent_.field().pack_count)) + 1));
-    listParents();
-    Places places(centers_.size(), jumps_.psi.size() > 0);
-    for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i], depthOf(cells_[i]));
-    takeParents(places);
-    fill(places);
+    const bool each = cells_.size() == wanted_ && jumps_.psi.size() == 0;
+    listParents(!each);
+    if (each) {
+      takeCells();
+    } else {
+      Places places(centers_.size(), jumps_.psi.size() > 0);
+      for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i], depthOf(cells_[i]));
+      takeParents(places);
+      fill(places);
+    }
     weigh();
   }
 
@@ -83,7 +88,8 @@ class Finder {
     of_cell_.assign(cells_.size(), 0);
   }
 
-  void listParents() {
+  /// \param as_samples those that lie in the part are.
+  void listParents(bool as_samples) {
     const formats::Field& field = parent_.field();
     for (std::uint32_t p = 0; p < field.pack_count; ++p) {
       const formats::FieldPack& pack = package_.fieldPacks()[field.first_pack + p];
@@ -95,7 +101,7 @@ class Finder {
         m.lambda = double(pack.lambda[lane]);
         m.cluster = pack.cluster[lane] == formats::kNone ? formats::kNone : input_.clusters[pack.cluster[lane]];
         // A sample lies where its nearest vertex does.
-        if (!input_.isOwn(nearest_.of_sample[8 * std::size_t(p) + lane])) continue;
+        if (!as_samples || !input_.isOwn(nearest_.of_sample[8 * std::size_t(p) + lane])) continue;
         MatrixXd gradients = parent_.gradientsAt(p, lane);
         double depth = 0;
         if (jumps_.psi.size() > 0) {
@@ -120,6 +126,26 @@ class Finder {
 
   /// How far a tetrahedron lies from the slit's other side, m.
   double depthOf(std::uint32_t cell) const { return jumps_.psi.size() > 0 ? jumps_.size * jumps_.at(input_, cell) : 0; }
+
+  /// Few tetrahedra are each a sample: a function that moves one of them alone has its energy.
+  void takeCells() {
+    for (std::uint32_t cell = 0; cell < cells_.size(); ++cell) {
+      MatrixXd gradient = MatrixXd::Zero(parent_.count(), 3);
+      const double volume = slopes_.add(tetrahedron(cells_[cell]), gradient);
+      if (!(volume > 0)) continue;
+      of_cell_[cell] = std::uint32_t(samples_.size());
+      addSample(materialAt(cell), gradient / volume, 0);
+    }
+  }
+
+  /// The nearest one's.
+  Material materialAt(std::size_t cell) const {
+    Material m = *std::min_element(materials_.begin(), materials_.end(), [&](const Material& one, const Material& two) {
+      return (one.at - centers_[cell]).squaredNorm() < (two.at - centers_[cell]).squaredNorm();
+    });
+    m.at = centers_[cell];
+    return m;
+  }
 
   /// Tetrahedra go to a sample where it is nearer than those before.
   void assign(const Places& places, std::uint32_t sample) {
@@ -176,12 +202,8 @@ class Finder {
     const MatrixXd gradient = slopes_.meanAt(tetrahedron(cells_[cell]), around_, volume);
     distance_[Index(cell)] = 0;  // it is not asked again
     if (!(volume > 0)) return;
-    Material m = *std::min_element(materials_.begin(), materials_.end(), [&](const Material& one, const Material& two) {
-      return (one.at - centers_[cell]).squaredNorm() < (two.at - centers_[cell]).squaredNorm();
-    });
-    m.at = centers_[cell];
     of_cell_[cell] = std::uint32_t(samples_.size());
-    addSample(m, gradient, depthOf(cells_[cell]));
+    addSample(materialAt(cell), gradient, depthOf(cells_[cell]));
     assign(places, std::uint32_t(samples_.size() - 1));
   }
 

@@ -60,6 +60,7 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
         if (bodies[i]->asleep()) continue;
         moveHolds(*bodies[i], share);
         bodies[i]->touches.clear();
+        bodies[i]->touches_in = seconds;
         if (together.busy[i] != 0) continue;
         bodies[i]->solver->step(world, seconds, scratch[lane]);
       }

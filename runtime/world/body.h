@@ -132,7 +132,8 @@ struct Body {
   double fade_left = 0, fade_before = 0;  ///< how long, s: now, and as the last step began
   Array<Vec3> faded;                      ///< by physical vertex, in the frame of its piece, m
 
-  Array<ColliderTouch> touches;  ///< of the last step, piece by piece
+  Array<ColliderTouch> touches;  ///< of the last step that it was awake in, piece by piece
+  double touches_in = 0;         ///< its length, s
   Array<std::uint32_t> touched;  ///< colliders that events have said it touches
 
   double still = 0;                            ///< how long it has rested, s

@@ -30,12 +30,14 @@ void World::Impl::forgetTouches() {
   ground.torque.setZero();
 }
 
-void World::Impl::gatherTouches() {
+void World::Impl::gatherTouches(double seconds) {
   for (const internal::BodyPointer& body : bodies) {
+    // A sleeper's forces go on.
+    const double part = body->touches_in > 0 ? seconds / body->touches_in : 1;
     for (const internal::ColliderTouch& touch : body->touches) {
       auto& collider = const_cast<internal::Collider&>(*colliderOf(touch.collider));
-      collider.impulse += touch.impulse;
-      collider.torque += touch.torque;
+      collider.impulse += part * touch.impulse;
+      collider.torque += part * touch.torque;
     }
     findTouched(*body, touched);
     const auto missing = [&](const internal::Array<std::uint32_t>& from, const internal::Array<std::uint32_t>& in,

@@ -20,7 +20,7 @@ using internal::Piece;
 namespace {
 
 constexpr std::array<char, 4> kMagic = {'S', 'N', 'W', 'W'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 
 struct Header {
   std::array<char, 4> magic;
@@ -75,6 +75,7 @@ WorldSettings restored(const SavedSettings& s) {
 /// A body without what follows it: state, touched, touches, factors.
 struct SavedBody {
   std::uint64_t package, state_bytes;
+  double touches_in;  ///< Body's, s
   std::uint32_t id, sleeps_with;
   Activity activity;
   std::uint32_t touched, touches;
@@ -226,6 +227,7 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
     const std::uint64_t state_bytes = world.stateBytes({body->id});
     out.put(SavedBody{body->asset->checksum(),
                       state_bytes,
+                      body->touches_in,
                       body->id,
                       body->sleeps_with,
                       body->activity,
@@ -482,6 +484,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           body.sleeps_with = s.sleeps_with;
           Reader(parts[b].touched).get(body.touched, s.touched);
           body.touches.clear();
+          body.touches_in = s.touches_in;
           Reader touches(parts[b].touches), factors(parts[b].factors);
           for (std::uint32_t t = 0; t < s.touches; ++t) {
             const auto from = touches.get<SavedTouch>();

@@ -444,7 +444,7 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   const bool awake = !std::all_of(bodies.begin(), bodies.end(), [](const auto& body) { return body->asleep(); });
   internal::stepWorld(bodies, step_scratch, together, {sound, {met.data(), met.size()}}, jobs, seconds, share);
   for (internal::Collider& collider : colliders) collider.impulse_before = collider.impulse;
-  gatherTouches();
+  gatherTouches(seconds);
   if (awake) tellTouching();
   for (internal::Collider& collider : colliders) {
     collider.giveWay(collider.impulse - collider.impulse_before, seconds);

@@ -141,7 +141,7 @@ struct SINEW_HIDDEN World::Impl {
   /// A step, or a call of advance(), begins: nothing has touched in it.
   void forgetTouches();
   /// Reactions and events of a step. May throw std::bad_alloc.
-  void gatherTouches();
+  void gatherTouches(double seconds);
   /// Pairs of bodies that push each other, into `touching`.
   void findTouching();
   /// Events of what findTouching() finds, against what it found before. May throw std::bad_alloc.

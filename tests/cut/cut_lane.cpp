@@ -43,8 +43,18 @@ std::string stepParts(const std::shared_ptr<const Asset>& asset, const CutPlane&
   if (!body) return body.reason();
   const auto cut = cutBody(world, *body, plane);
   if (!cut) return {};
+  const auto sizeOf = [&world](BodyId id) {
+    const Bounds box = world.visualBounds(id);
+    return std::hypot(double(box.high[0] - box.low[0]), double(box.high[1] - box.low[1]),
+                      double(box.high[2] - box.low[2]));
+  };
+  std::vector<double> sizes;
+  for (const BodyId id : cut->bodies) sizes.push_back(sizeOf(id));
   for (int i = 0; i < steps; ++i) world.step(1.0F / 60);
-  for (const BodyId id : cut->bodies) {
+  for (std::size_t part = 0; part < cut->bodies.size(); ++part) {
+    const BodyId id = cut->bodies[part];
+    const double grown = sizeOf(id) / sizes[part];
+    if (grown > 2) return "part " + std::to_string(part) + " is " + std::to_string(grown) + " times as large as it was";
     if (world.repairedVertices(id) > 0) return "a part was lost";
     double fastest = 0;
     for (const Vec3& v : world.velocities(id)) {
@@ -56,6 +66,17 @@ std::string stepParts(const std::shared_ptr<const Asset>& asset, const CutPlane&
     if (fastest > 100) return "a part flies at " + std::to_string(fastest) + " m/s";
   }
   return {};
+}
+
+/// A plane that cuts off hardly more than a corner.
+CutPlane crumbOf(const std::vector<Vec3>& positions, CutPlane plane, float depth) {
+  const Vec3& n = plane.normal;
+  const auto along = [&n](const Vec3& x) { return x[0] * n[0] + x[1] * n[1] + x[2] * n[2]; };
+  const Vec3 last = *std::max_element(positions.begin(), positions.end(),
+                                      [&](const Vec3& x, const Vec3& y) { return along(x) < along(y); });
+  const float length = std::sqrt(along(n));
+  for (std::size_t c = 0; c < 3; ++c) plane.point[c] = last[c] - depth / length * n[c];
+  return plane;
 }
 
 }  // namespace
@@ -100,6 +121,11 @@ int main(int argc, char** argv) {
       std::string fault = test::faultOfCut(**asset, *cut, errors, slits ? 1 : 2);
       if (fault.empty() && steps > 0 && p % 10 == 0)
         fault = stepParts(*asset, random(test::restOf(**asset), std::uint64_t(p)), steps);
+      if (fault.empty() && steps > 0 && !slits && p % 2 == 1) {
+        const std::vector<Vec3> rest = test::restOf(**asset);
+        const float depth = 0.002F * float(1 + p / 2 % 20) * (*asset)->package().info().diagonal;
+        fault = stepParts(*asset, crumbOf(rest, random(rest, std::uint64_t(p)), depth), steps);
+      }
       severed += cut->parts.size() > 1 ? 1U : 0U;
       totals.rough += cut->rough_loops > 0 ? 1U : 0U;
       totals.open += cut->open_edges > 0 ? 1U : 0U;

@@ -122,6 +122,46 @@ TEST(Ground, CoulombFrictionOnASlope) {
   }
 }
 
+// A first matrix that holds it across takes what is firm or flat for held, and the way that it has to go for nothing.
+TEST(Ground, WhatIsFirmAndFlatSlidesAsFrictionLetsIt) {
+  for (const std::array<double, 3>& size : {std::array{0.7, 0.04, 0.7}, {0.3, 0.3, 0.3}, {2.0, 0.1, 0.3}}) {
+    for (const double hz : {10.0, 80.0, 200.0}) {
+      for (const float mu : {0.0F, 0.3F}) {
+        WorldSettings settings = onGround(mu);
+        settings.damping = 0;
+        settings.sleep_seconds = 0;
+        World world(settings);
+        BoxOptions box;
+        box.size = size;
+        box.stretch_hz = box.bend_hz = box.twist_hz = float(hz);
+        BodySettings place;
+        place.position = {0, float(0.5 * size[1]), 0};
+        const BodyId body = *world.addBody(boxAsset(box), place);
+        run(world, 2);
+        const Motion before = motionOf(world, body);
+        const double force = (double(mu) + 0.2) * 9.81;
+        for (int i = 0; i < 60; ++i) {
+          world.addForce(body, Vec3{float(force * before.mass), 0, 0});
+          world.step(1.0F / 60);
+        }
+        const Motion pushed = motionOf(world, body);
+        EXPECT_NEAR((pushed.momentum[0] - before.momentum[0]) / before.mass, 0.2 * 9.81, 0.12)
+            << size[1] << ' ' << hz << ' ' << mu;
+        if (mu == 0) continue;
+        // Nothing pushes it on: it slows down and stays.
+        double fastest = pushed.momentum[0] / pushed.mass;
+        for (int i = 0; i < 90; ++i) {
+          world.step(1.0F / 60);
+          const Motion now = motionOf(world, body);
+          EXPECT_LT(now.momentum[0] / now.mass, fastest + 0.02) << size[1] << ' ' << hz << ' ' << i;
+          fastest = now.momentum[0] / now.mass;
+        }
+        EXPECT_NEAR(fastest, 0, 0.02) << size[1] << ' ' << hz;
+      }
+    }
+  }
+}
+
 TEST(Ground, ADropGainsNoEnergyAndComesToRest) {
   for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
     BoxOptions box;

@@ -333,6 +333,49 @@ TEST(Touch, NoStartInsideExplodes) {
   }
 }
 
+// However deep, and with friction: on one way for all points.
+TEST(Touch, PartsWhateverStartedInside) {
+  const std::array assets = {touchingBox({1, 1, 1}, 4), touchingBox({2, 0.4, 0.4}, 4), touchingBox({1.2, 0.2, 1.2}, 4)};
+  std::mt19937 random(5);
+  const auto draw = [&random](float most) { return most * (2 * float(random()) / 4294967295.0F - 1); };
+  int parted = 0;
+  constexpr int kStarts = 60;
+  for (int start = 0; start < kStarts; ++start) {
+    World world(inSpace());
+    std::array<BodyId, 2> bodies;
+    for (std::size_t b = 0; b < 2; ++b) {
+      BodySettings at;
+      if (b == 1) at.position = {draw(0.3F), draw(0.3F), draw(0.3F)};
+      const Eigen::Quaternionf turn(Eigen::Vector4f(draw(1), draw(1), draw(1), draw(1)).normalized());
+      Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(at.rotation.data()) = turn.toRotationMatrix();
+      bodies[b] = *world.addBody(assets[random() % assets.size()], at);
+    }
+    for (int i = 0; i < 480; ++i) world.step(kStep);
+    // A corner of the one in the other: what lies there at rest.
+    double deepest = 0;
+    for (std::size_t b = 0; b < 2; ++b) {
+      const auto x = world.positions(bodies[b]), y = world.positions(bodies[1 - b]);
+      const auto rest = world.asset(bodies[1 - b]).package().physicalVertices();
+      Eigen::Vector3f low = Eigen::Vector3f::Constant(1e9F), high = -low;
+      for (const auto& vertex : rest) {
+        const Eigen::Vector3f at(vertex.rest_position.data());
+        low = low.cwiseMin(at), high = high.cwiseMax(at);
+      }
+      Mat3 rotation;
+      Vec3 translation;
+      world.rigidMotion(bodies[1 - b], rotation, translation);
+      const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> turn(rotation.data());
+      for (const Vec3& corner : x) {
+        const Eigen::Vector3f at =
+            turn.transpose() * (Eigen::Vector3f(corner.data()) - Eigen::Vector3f(translation.data()));
+        deepest = std::max(deepest, double(std::min((at - low).minCoeff(), (high - at).minCoeff())));
+      }
+    }
+    parted += deepest < 0.02 ? 1 : 0;
+  }
+  EXPECT_GE(parted, kStarts - 1);
+}
+
 // What rests at an edge swings by a hair from step to step: a normal that jumps there is energy for the next step.
 TEST(Touch, WaysOutDoNotJump) {
   const auto asset = touchingBox({1, 1, 1});
@@ -877,6 +920,28 @@ TEST(Sleep, WhatRestsFallsAsleepWhereItRestsAwake) {
   sleeping.run(100);
   const auto y = sleeping.world.positions(sleeping.bodies[1]);
   EXPECT_TRUE(std::equal(before.begin(), before.end(), y.begin(), y.end()));
+}
+
+// Forces of what sleeps go on, whatever the length of the step that it fell asleep in.
+TEST(Sleep, WeighsWhatItDid) {
+  const auto asset = touchingBox({1, 0.6, 1});
+  WorldSettings settings;
+  settings.sleep_seconds = 0.3F;
+  World world(settings);
+  const ColliderId table = *world.addCollider(PlaneShape{});
+  BodySettings at;
+  at.position = {0, 0.3F, 0};
+  at.stiffness_scale = 8;
+  const BodyId body = *world.addBody(asset, at);
+  const double weight = double(world.motion(body).mass) * 9.81;
+  for (int i = 0; i < 1200 && !world.isAsleep(body); ++i) world.step(i % 2 == 0 ? 0.004F : 0.02F);
+  ASSERT_TRUE(world.isAsleep(body));
+  for (const float seconds : {0.002F, 0.03F, 0.5F}) {
+    world.step(seconds);
+    EXPECT_NEAR(double(world.colliderReaction(table).impulse[1]), -weight * double(seconds),
+                0.01 * weight * double(seconds))
+        << seconds;
+  }
 }
 
 TEST(Sleep, WakesWithAllThatItTouches) {
