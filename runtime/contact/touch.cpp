@@ -242,8 +242,8 @@ class TouchSearch {
     if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
   }
 
-  /// The way on which a piece leaves another one that it started in, unit; 0: it did not. Of the ways of points of both,
-  /// the one on which they are out soonest.
+  /// The way on which a piece leaves another one that it started in, unit; 0: it did not. Of the ways of points of
+  /// both, the one on which they are out soonest.
   static Vector3f wayApart(const TouchingPiece& one, const TouchingPiece& other) {
     Vector3f best = Vector3f::Zero();
     float shortest = std::numeric_limits<float>::infinity();
@@ -656,8 +656,8 @@ class TouchSearch {
   MaterialPoint material_;           ///< of b, located last
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   bool parting_ = false, met_ = false;
-  int axis_ = 0;                     ///< of a.order
-  float reach_ = 0;                  ///< of neighbours, m
+  int axis_ = 0;     ///< of a.order
+  float reach_ = 0;  ///< of neighbours, m
   std::array<float, kMostFunctions> row_;
   std::array<float, 4 * kMostFunctions> between_;
 };
@@ -703,7 +703,8 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
 }
 
 std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> touches, std::uint32_t body, std::uint32_t piece) {
-  return touchesBetween(touches, {body, piece, 0, 0, 0, 0, 0, 0, {}, {}, 0}, {body, piece + 1, 0, 0, 0, 0, 0, 0, {}, {}, 0});
+  return touchesBetween(touches, {body, piece, 0, 0, 0, 0, 0, 0, {}, {}, 0},
+                        {body, piece + 1, 0, 0, 0, 0, 0, 0, {}, {}, 0});
 }
 
 TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
