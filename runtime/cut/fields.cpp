@@ -28,7 +28,8 @@ constexpr std::size_t kLeastSectionPoints = 8;
 constexpr double kMostSectionPoints = 1e3;
 /// Of the largest: eigenvalues of modes that nothing resists.
 constexpr double kNoStiffness = 1e-9;
-/// Of the stiffness of the least affine shape: functions of less are none. A neck of a tenth of a body's width has 1e-2.
+/// Of the stiffness of the least affine shape: functions of less are none. A neck of a tenth of a body's width has
+/// 1e-2.
 constexpr double kSlack = 1e-3;
 
 /// Blocks of eight rows: element j of block b holds column j of rows 8 b .. 8 b + 7.
@@ -110,8 +111,8 @@ class CutField {
     }
   }
 
-  /// What of the functions beyond the affine ones, which are first, resists: free x these. Along a body no shape that is
-  /// not affine has much less energy than the least affine one (Poincare's inequality); what has moves corners that
+  /// What of the functions beyond the affine ones, which are first, resists: free x these. Along a body no shape that
+  /// is not affine has much less energy than the least affine one (Poincare's inequality); what has moves corners that
   /// have hardly a volume, and nothing would hold these.
   MatrixXd resisting(const MatrixXd& energy) const {
     const Index n = energy.rows(), affine = functions_.affine, others = n - affine;

@@ -36,8 +36,9 @@ struct Push {
 /// Height above its floor at its way, m: it pushes where this is negative.
 inline float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 
-/// Part of kappa by which friction, under its present load, holds a push across the normal from where the prediction has
-/// it: 1 where it sticks, else the chord of its energy's derivative (reweighted least squares, Holland and Welsch 1977).
+/// Part of kappa by which friction, under its present load, holds a push across the normal from where the prediction
+/// has it: 1 where it sticks, else the chord of its energy's derivative (reweighted least squares, Holland and Welsch
+/// 1977).
 inline float heldAcross(const Push& push) {
   const float slide = push.kappa * push.slide.norm(), most = push.friction * push.pressed;
   return slide > most ? most / slide : 1;
@@ -188,13 +189,13 @@ struct Minimand {
   std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
   std::uint32_t size = 0;                ///< of the vectors, floats
   std::span<TouchLink> touches;
-  TouchLanes* lanes = nullptr;           ///< where they are evaluated; null: there are none
-  MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
-  std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
-  std::span<double> elastic;             ///< of these where the minimization has come to, J
-  JobSystem* jobs = nullptr;             ///< that shares the work; null: none
-  std::span<Pairs* const> own_pairs;     ///< of each piece (takeOwn()); none of one piece alone
-  RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
+  TouchLanes* lanes = nullptr;         ///< where they are evaluated; null: there are none
+  MinimizeScratch* vectors = nullptr;  ///< base, d, next, gradient, next_gradient and direction count
+  std::span<Objective::Value> values;  ///< of the pieces at the last at(); not of one piece alone
+  std::span<double> elastic;           ///< of these where the minimization has come to, J
+  JobSystem* jobs = nullptr;           ///< that shares the work; null: none
+  std::span<Pairs* const> own_pairs;   ///< of each piece (takeOwn()); none of one piece alone
+  RigidCoupling* rigid = nullptr;      ///< what precondition() knows of the touches; null: nothing
   /// The loads under which friction holds are about those of the end: `rigid` holds what slides along its normal alone.
   bool knows_loads = true;
   std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`, first the ones that hang or lie on others

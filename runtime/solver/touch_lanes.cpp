@@ -95,7 +95,7 @@ float TouchLanes::gap(std::uint32_t slot) const {
 Push TouchLanes::push(std::uint32_t slot) const {
   const PushPack& pack = packs_[slot / 8];
   const std::uint32_t i = slot % 8;
-  const auto at = [i](const float (&of)[3][8]) { return Eigen::Vector3f(of[0][i], of[1][i], of[2][i]); };
+  const auto at = [i](const float(&of)[3][8]) { return Eigen::Vector3f(of[0][i], of[1][i], of[2][i]); };
   Push push = {};
   push.normal = at(pack.normal);
   push.slide = at(pack.slide);

@@ -3,18 +3,20 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
 namespace sinew::tools {
 namespace {
 
-/// A cup: a box of 1 x 0.5 x 0.4 m with few triangles, one of whose sides is missing.
-formats::PackageContent cup() {
+/// A cup: a box with few triangles, one of whose sides is missing.
+formats::PackageContent cup(float width = 1, float height = 0.5F, float depth = 0.4F) {
   formats::PackageContent content;
-  for (const float x : {0.0F, 1.0F}) {
-    for (const float y : {0.0F, 0.5F}) {
-      for (const float z : {0.0F, 0.4F}) content.visual_positions.push_back({x, y, z});
+  for (const float x : {0.0F, width}) {
+    for (const float y : {0.0F, height}) {
+      for (const float z : {0.0F, depth}) content.visual_positions.push_back({x, y, z});
     }
   }
   content.visual_triangles = {{0, 1, 3}, {0, 3, 2}, {4, 6, 7}, {4, 7, 5}, {0, 4, 5},
@@ -23,8 +25,25 @@ formats::PackageContent cup() {
   content.pieces.resize(1);
   content.pieces[0].tetrahedron_count = 1;
   content.field_points.resize(1);
-  content.info.diagonal = 1.2F;
+  content.info.diagonal = std::hypot(width, height, depth);
   return content;
+}
+
+// A board or a rope has an inside, of about its depth: others lie on it.
+TEST(Distances, WhatIsThinHasAnInside) {
+  for (const auto& [width, depth, height] :
+       {std::array{2.4F, 0.3F, 0.02F}, {2.4F, 0.3F, 0.06F}, {3.0F, 0.09F, 0.09F}, {1.0F, 0.8F, 0.03F}}) {
+    formats::PackageContent content = cup(width, height, depth);
+    content.visual_triangles.push_back({2, 3, 7});
+    content.visual_triangles.push_back({2, 7, 6});
+    StageCache no_cache{{}};
+    addDistances(32, content, no_cache);
+    ASSERT_EQ(content.distance_grids.size(), 1U);
+    const formats::DistanceGrid& grid = content.distance_grids[0];
+    const auto deepest = *std::min_element(content.distance_values.begin(), content.distance_values.end());
+    EXPECT_LT(grid.unit * float(deepest), -0.3F * height) << width << ' ' << height;
+    EXPECT_LE(content.distance_values.size(), 37U * 37U * 37U) << width << ' ' << height;
+  }
 }
 
 // Steps out of a surface are as long as the surface is far: distances that jumped at an opening would lead past it.

@@ -339,8 +339,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "bytes a vertex each. 0: springs of one firmness hold.",
        Count{&s.field.residual_modes, 0, 256}},
       {"field.distances", "",
-       "Cells along the longest side of each piece's grid of distances, by which other bodies touch it. 0: they pass "
-       "through.",
+       "Cells along the longest side of each piece's grid of distances, by which other bodies touch it. Where it is "
+       "thin they are smaller, as far as a grid takes no more nodes than a cube's. 0: others pass through.",
        Count{&s.field.distances, 0, 200}},
       {"attachment.method", "",
        "How visual vertices follow: in their tetrahedron (exact contacts and pins), or by blended transforms of "

@@ -21,6 +21,11 @@ constexpr double kBorder = 2;
 /// Cells of the package's diagonal at most: small pieces take as many as they need of that.
 constexpr double kMostCells = 4;
 
+/// Cells across what is thinner than a quarter of the surface is: with fewer an inside may lie between nodes.
+constexpr double kAcross = 1.5, kQuarter = 0.25;
+/// Triangles at which the thickness is measured.
+constexpr std::size_t kMeasured = 2000;
+
 /// The visual triangles that hang whole on a piece.
 std::vector<geometry::Triangle> trianglesOf(const formats::PackageContent& content, const formats::PieceRange& piece) {
   std::vector<geometry::Triangle> result;
@@ -66,6 +71,53 @@ void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d
   }
 }
 
+/// How far it is from the surface inwards to the other side, by area the least of which a quarter of it has more than;
+/// 0: it has no inside.
+double thicknessOf(const std::vector<Vector3d>& positions, const std::vector<geometry::Triangle>& triangles,
+                   double most) {
+  const geometry::TriangleBvh tree(positions, triangles);
+  std::vector<std::pair<double, double>> found;  // thickness, area
+  std::vector<geometry::TriangleBvh::Crossing> crossings;
+  double all = 0;
+  for (std::size_t t = 0; t < triangles.size(); t += 1 + triangles.size() / kMeasured) {
+    const Vector3d &a = positions[triangles[t][0]], &b = positions[triangles[t][1]], &c = positions[triangles[t][2]];
+    const Vector3d normal = (b - a).cross(c - a);
+    if (!(normal.norm() > 0)) continue;
+    const Vector3d from = (a + b + c) / 3 - 1e-6 * most * normal.normalized(), to = from - most * normal.normalized();
+    crossings.clear();
+    tree.crossings(from, to, crossings);
+    const auto leaves = [](const geometry::TriangleBvh::Crossing& crossing) { return crossing.winding < 0; };
+    const auto out = std::find_if(crossings.begin(), crossings.end(), leaves);
+    if (out == crossings.end()) continue;
+    found.emplace_back(out->parameter * most, normal.norm());
+    all += normal.norm();
+  }
+  std::sort(found.begin(), found.end());
+  double sum = 0;
+  for (const auto& [thickness, area] : found) {
+    sum += area;
+    if (sum >= kQuarter * all) return thickness;
+  }
+  return 0;
+}
+
+/// Nodes of a grid of a box along an axis.
+std::uint32_t nodesAlong(double length, double spacing) {
+  return std::uint32_t(std::ceil(length / spacing + 2 * kBorder)) + 1;
+}
+
+/// So that what is thin has an inside, as far as a grid takes no more nodes than that of a cube.
+double spacingOf(const Vector3d& size, double thickness, double spacing, std::uint32_t cells) {
+  const auto nodesOf = [&size](double s) {
+    return double(nodesAlong(size[0], s)) * nodesAlong(size[1], s) * nodesAlong(size[2], s);
+  };
+  const double most = std::pow(double(nodesAlong(cells, 1)), 3), wanted = thickness / kAcross;
+  if (!(thickness > 0) || wanted >= spacing) return spacing;
+  double least = wanted;
+  while (least < spacing && nodesOf(least) > most) least *= 1.05;
+  return std::min(least, spacing);
+}
+
 void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3d>& positions,
              const std::vector<geometry::Triangle>& triangles, formats::PackageContent& content, StageCache& cache) {
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
@@ -75,16 +127,17 @@ void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3
       high = high.cwiseMax(positions[v]);
     }
   }
-  const double spacing =
-      std::max((high - low).maxCoeff() / cells, double(content.info.diagonal) / (kMostCells * cells));
+  const Vector3d size = high - low;
+  double spacing = std::max(size.maxCoeff() / cells, double(content.info.diagonal) / (kMostCells * cells));
   if (!(spacing > 0)) return;
+  spacing = spacingOf(size, thicknessOf(positions, triangles, size.norm()), spacing, cells);
   formats::DistanceGrid grid = {};
   grid.piece = piece;
   grid.spacing = float(spacing);
   grid.first_value = std::uint32_t(content.distance_values.size());
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     const auto at = std::size_t(axis);
-    grid.nodes[at] = std::uint32_t(std::ceil((high - low)[axis] / spacing + 2 * kBorder)) + 1;
+    grid.nodes[at] = nodesAlong(size[axis], spacing);
     const double middle = 0.5 * (low + high)[axis];
     grid.origin[at] = float(middle - 0.5 * (grid.nodes[at] - 1) * spacing);
   }
