@@ -256,9 +256,13 @@ class TouchSearch {
         if (!isParting(touch) || n++ % ((count + kWays - 1) / kWays) != 0) continue;
         const Vector3f way = sign * (in.turn * outwardOf(touch));
         if (way.dot(best) > kAlike) continue;
-        if (!best.isZero(0) && !std::isfinite(shortest)) shortest = lengthOf(one, other, best, shortest);
-        const float length = best.isZero(0) ? shortest : lengthOf(one, other, way, shortest);
-        if (best.isZero(0) || length < shortest) shortest = length, best = way;
+        if (best.isZero(0)) {
+          best = way;  // alone it needs no length
+          continue;
+        }
+        if (!std::isfinite(shortest)) shortest = lengthOf(one, other, best, shortest);
+        const float length = lengthOf(one, other, way, shortest);
+        if (length < shortest) shortest = length, best = way;
       }
     };
     chooseAmong(one, other, 1);
@@ -270,7 +274,7 @@ class TouchSearch {
   /// such number. Points are spread, the first ones widest.
   static float lengthOf(const TouchingPiece& one, const TouchingPiece& other, const Vector3f& way, float most) {
     float length = 0;
-    const auto leave = [&](const TouchingPiece& from, const TouchingPiece& in, const Vector3f& along) {
+    const auto follow = [&](const TouchingPiece& from, const TouchingPiece& in, const Vector3f& along) {
       if (in.map == nullptr) return;
       const std::size_t stride = from.points.size() / 3, count = std::min(kProbes, from.field->points.size());
       const Vector3f apart = (from.center - in.center).cast<float>(), local = in.turn.transpose() * along;
@@ -287,8 +291,8 @@ class TouchSearch {
         }
       }
     };
-    leave(one, other, way);
-    leave(other, one, -way);
+    follow(one, other, way);
+    follow(other, one, -way);
     return length;
   }
 
@@ -655,9 +659,10 @@ class TouchSearch {
   Corners corners_;                  ///< of b
   MaterialPoint material_;           ///< of b, located last
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
-  bool parting_ = false, met_ = false;
-  int axis_ = 0;     ///< of a.order
-  float reach_ = 0;  ///< of neighbours, m
+  bool parting_ = false;             ///< the two started inside one another, and are still
+  bool met_ = true;                  ///< the step before knew of them
+  int axis_ = 0;                     ///< of a.order
+  float reach_ = 0;                  ///< of neighbours, m
   std::array<float, kMostFunctions> row_;
   std::array<float, 4 * kMostFunctions> between_;
 };
