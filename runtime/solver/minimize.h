@@ -36,12 +36,13 @@ struct Push {
 /// Height above its floor at its way, m: it pushes where this is negative.
 inline float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 
+/// \param pull of a spring that never slips, N. \param most friction's bound, N.
+inline float heldAcross(float pull, float most) { return pull > most ? most / pull : 1; }
 /// Part of kappa by which friction, under its present load, holds a push across the normal from where the prediction
 /// has it: 1 where it sticks, else the chord of its energy's derivative (reweighted least squares, Holland and Welsch
 /// 1977).
 inline float heldAcross(const Push& push) {
-  const float slide = push.kappa * push.slide.norm(), most = push.friction * push.pressed;
-  return slide > most ? most / slide : 1;
+  return heldAcross(push.kappa * push.slide.norm(), push.friction * push.pressed);
 }
 
 /// The energy's derivative by the way of a push's point, the force on what pushes, and the energy itself.

@@ -111,22 +111,23 @@ void RigidCoupling::findBlocks(const Minimand& minimand, const Objective& object
   turn.bottomRightCorner<3, 3>() = frameOf(objective);
   Eigen::Matrix4d carrying = gram;  // of A
   Block along = Block::Zero();      // of A: what slides is held along its normal
-  const auto add = [&](const Push& push, float firm, const Eigen::Vector4d& at, bool carries) {
+  const auto add = [&](float firm, const Eigen::Vector4d& at, bool carries, float across, const auto& normal) {
     const Eigen::Matrix4d own = double(firm) * at * at.transpose();
     gram += own;
     if (!carries) return;
-    const double across = partAcross(push);
-    carrying += across * own;
-    if (across < 1) along += (1 - across) * double(firm) * blockAlong(push.normal.cast<double>(), turn * at, turn * at);
+    carrying += double(across) * own;
+    if (across < 1) along += double((1 - across) * firm) * blockAlong(normal(), turn * at, turn * at);
   };
   for (const Contact& contact : objective.scratch->contacts) {
     const Vector3d arm = contact.rest.cast<double>() - field.rest_center;
-    add(contact, contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries);
+    add(contact.firm, {1, arm[0], arm[1], arm[2]}, contact.carries, minimand.knows_loads ? heldAcross(contact) : 1,
+        [&] { return Vector3d(contact.normal.cast<double>()); });
   }
   for (const TouchRow& touch : objective.touch_rows) {
     const Eigen::Vector4d at = touch.moments.cast<double>();
     const TouchLink& link = minimand.touches[touch.touch];
-    add(minimand.lanes->push(link.slot), touch.firm, at, link.carries);
+    add(touch.firm, at, link.carries, minimand.knows_loads ? minimand.lanes->heldAcross(link.slot) : 1,
+        [&] { return minimand.lanes->normal(link.slot); });
     moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = turn * at;
   }
   d = blockOf(turn * gram * turn.transpose());
@@ -149,10 +150,7 @@ void findCarrying(const Minimand& minimand, bool pushing_only) {
 
 }  // namespace
 
-double RigidCoupling::partAcross(const Push& push) const { return knows_loads_ ? double(heldAcross(push)) : 1; }
-
 void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
-  knows_loads_ = minimand.knows_loads;
   findCarrying(minimand, pushing_only);
   nodes_.clear();
   couplings_.clear();
@@ -187,19 +185,30 @@ void RigidCoupling::make(const Minimand& minimand, bool pushing_only) {
   const auto* const end = std::unique(keys_.begin(), keys_.end());
   for (const auto* key = keys_.begin(); key != end; ++key) couplings_.push_back({*key, Block::Zero()});
   Coupling* coupling = nullptr;
+  Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();  // of one coupling's touches that come together
+  const auto close = [&] {
+    if (coupling != nullptr) coupling->block += blockOf(gram);
+    gram.setZero();
+  };
   for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
     const TouchLink& touch = minimand.touches[i];
     if (!couples(touch) || !touch.carries) continue;
     const std::uint64_t key = keyOf(touch);
-    if (coupling == nullptr || coupling->key != key) coupling = find(key);
+    if (coupling == nullptr || coupling->key != key) {
+      close();
+      coupling = find(key);
+    }
     const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];
     const Eigen::Vector4d &later = moments_[2 * i + (a_is_later ? 0 : 1)],
                           &earlier = moments_[2 * i + (a_is_later ? 1 : 0)];
-    const Push push = minimand.lanes->push(touch.slot);
-    const double firm = double(touch.firm), across = partAcross(push);
-    coupling->block += blockOf(-across * firm * later * earlier.transpose());
-    if (across < 1) coupling->block -= (1 - across) * firm * blockAlong(push.normal.cast<double>(), later, earlier);
+    const float across = minimand.knows_loads ? minimand.lanes->heldAcross(touch.slot) : 1;
+    gram -= double(across * touch.firm) * later * earlier.transpose();
+    if (across < 1) {
+      coupling->block -=
+          double((1 - across) * touch.firm) * blockAlong(minimand.lanes->normal(touch.slot), later, earlier);
+    }
   }
+  close();
   takeApart();
 }
 

@@ -14,7 +14,6 @@ namespace sinew::internal {
 
 struct Minimand;
 struct Objective;
-struct Push;
 
 /// The first matrices B of pieces are not coupled: alone they leave it to iterations to carry forces through a stack,
 /// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R, blocks on
@@ -54,8 +53,6 @@ class RigidCoupling {
   };
   /// Blocks of D and A, and the moments of the piece's rows.
   void findBlocks(const Minimand& minimand, const Objective& objective, Block& d, Block& a);
-  /// heldAcross() where A knows it.
-  double partAcross(const Push& push) const;
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();
@@ -69,7 +66,6 @@ class RigidCoupling {
   Array<std::uint32_t> node_of_;
   Array<Eigen::Vector4d> moments_;  ///< of touches, both sides, in the world
   Array<Block> blocks_;             ///< scratch of takeApart()
-  bool knows_loads_ = false;
 };
 
 }  // namespace sinew::internal

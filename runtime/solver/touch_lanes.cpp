@@ -92,19 +92,17 @@ float TouchLanes::gap(std::uint32_t slot) const {
          (pack.normal[0][i] * pack.way[0][i] + pack.normal[1][i] * pack.way[1][i] + pack.normal[2][i] * pack.way[2][i]);
 }
 
-Push TouchLanes::push(std::uint32_t slot) const {
+float TouchLanes::heldAcross(std::uint32_t slot) const {
   const PushPack& pack = packs_[slot / 8];
   const std::uint32_t i = slot % 8;
-  const auto at = [i](const float(&of)[3][8]) { return Eigen::Vector3f(of[0][i], of[1][i], of[2][i]); };
-  Push push = {};
-  push.normal = at(pack.normal);
-  push.slide = at(pack.slide);
-  push.way = at(pack.way);
-  push.gap = pack.gap[i];
-  push.kappa = pack.kappa[i];
-  push.friction = pack.friction[i];
-  push.pressed = pack.pressed[i];
-  return push;
+  const Eigen::Vector3f slide(pack.slide[0][i], pack.slide[1][i], pack.slide[2][i]);
+  return internal::heldAcross(pack.kappa[i] * slide.norm(), pack.friction[i] * pack.pressed[i]);
+}
+
+Eigen::Vector3d TouchLanes::normal(std::uint32_t slot) const {
+  const auto& normal = packs_[slot / 8].normal;
+  const std::uint32_t i = slot % 8;
+  return Eigen::Vector3f(normal[0][i], normal[1][i], normal[2][i]).cast<double>();
 }
 
 PushArguments TouchLanes::argumentsOf(TouchPair& pair, const float* d, std::span<const std::uint32_t> first) {

@@ -3,6 +3,7 @@
 // The touches of an island, eight between the same two pieces at once (runtime/kernels/push.h).
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <span>
 
@@ -65,8 +66,9 @@ class TouchLanes {
   float gap(std::uint32_t slot) const;
   /// The same at the prediction.
   float predictedGap(std::uint32_t slot) const { return packs_[slot / 8].gap[slot % 8]; }
-  /// A touch as last evaluated, without what matrices have of it.
-  Push push(std::uint32_t slot) const;
+  /// sinew::internal::heldAcross() of a touch, and its normal.
+  float heldAcross(std::uint32_t slot) const;
+  Eigen::Vector3d normal(std::uint32_t slot) const;
   bool hasFriction() const { return has_friction_; }
 
   /// The touches' energy at coefficients of all. \param first of each piece's in d. \return joule
