@@ -333,8 +333,8 @@ TEST(Touch, NoStartInsideExplodes) {
   }
 }
 
-// Pushed by 0.2 of its weight beyond what friction holds. Held across by first matrices it does not move; a coarse level
-// that is made once a step leaves a quarter undone.
+// Pushed by 0.2 of its weight beyond what friction holds. Held across by first matrices it does not move; a coarse
+// level that is made once a step leaves a quarter undone.
 TEST(Touch, WhatIsFlatSlidesOnABody) {
   const auto base = touchingBox({2, 0.3, 1}, 4), plate = touchingBox({0.6, 0.06, 0.6}, 4);
   for (const float mu : {0.0F, 0.3F}) {
