@@ -30,7 +30,7 @@ constexpr int kLeaving = 64;
 /// Points that are looked at together.
 constexpr int kBlock = 8;
 /// Ways out of each piece that are looked at, points of each that are to come out, and the cosine of ways that count as
-/// one.
+/// one: 2.6 degrees apart, which over a way as long as the piece is less than contact points are apart.
 constexpr std::size_t kWays = 8, kProbes = 64;
 constexpr float kAlike = 0.999F;
 /// So near points of one piece are, of the distance between neighbours, where its surface may touch itself.

@@ -46,6 +46,17 @@ TEST(Distances, WhatIsThinHasAnInside) {
   }
 }
 
+// Sides that lie on one another have a thickness of rounding.
+TEST(Distances, AGridIsBoundedHoweverThin) {
+  formats::PackageContent content = cup(1, 1e-11F, 0.8F);
+  content.visual_triangles.push_back({2, 3, 7});
+  content.visual_triangles.push_back({2, 7, 6});
+  StageCache no_cache{{}};
+  addDistances(32, content, no_cache);
+  ASSERT_EQ(content.distance_grids.size(), 1U);
+  EXPECT_LE(content.distance_values.size(), 37U * 37U * 37U);
+}
+
 // Steps out of a surface are as long as the surface is far: distances that jumped at an opening would lead past it.
 TEST(Distances, DoNotJumpAtOpenings) {
   formats::PackageContent content = cup();

@@ -21,7 +21,7 @@ constexpr double kBorder = 2;
 /// Cells of the package's diagonal at most: small pieces take as many as they need of that.
 constexpr double kMostCells = 4;
 
-/// Cells across what is thinner than a quarter of the surface is: with fewer an inside may lie between nodes.
+/// Cells across the thickness that a quarter of the surface stays below: with less than one no node may lie inside.
 constexpr double kAcross = 1.5, kQuarter = 0.25;
 /// Triangles at which the thickness is measured.
 constexpr std::size_t kMeasured = 2000;
@@ -71,8 +71,8 @@ void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d
   }
 }
 
-/// How far it is from the surface inwards to the other side, by area the least of which a quarter of it has more than;
-/// 0: it has no inside.
+/// How far it is from the surface inwards to the other side where that is nearest: what a quarter of it, by area, stays
+/// below. 0: it has no inside.
 double thicknessOf(const std::vector<Vector3d>& positions, const std::vector<geometry::Triangle>& triangles,
                    double most) {
   const geometry::TriangleBvh tree(positions, triangles);
@@ -101,17 +101,15 @@ double thicknessOf(const std::vector<Vector3d>& positions, const std::vector<geo
   return 0;
 }
 
-/// Nodes of a grid of a box along an axis.
-std::uint32_t nodesAlong(double length, double spacing) {
-  return std::uint32_t(std::ceil(length / spacing + 2 * kBorder)) + 1;
-}
+/// Nodes of a grid of a box along an axis; a whole number, of any size.
+double nodesAlong(double length, double spacing) { return std::ceil(length / spacing + 2 * kBorder) + 1; }
 
 /// So that what is thin has an inside, as far as a grid takes no more nodes than that of a cube.
 double spacingOf(const Vector3d& size, double thickness, double spacing, std::uint32_t cells) {
   const auto nodesOf = [&size](double s) {
-    return double(nodesAlong(size[0], s)) * nodesAlong(size[1], s) * nodesAlong(size[2], s);
+    return nodesAlong(size[0], s) * nodesAlong(size[1], s) * nodesAlong(size[2], s);
   };
-  const double most = std::pow(double(nodesAlong(cells, 1)), 3), wanted = thickness / kAcross;
+  const double most = std::pow(nodesAlong(cells, 1), 3), wanted = thickness / kAcross;
   if (!(thickness > 0) || wanted >= spacing) return spacing;
   double least = wanted;
   while (least < spacing && nodesOf(least) > most) least *= 1.05;
@@ -137,7 +135,7 @@ void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3
   grid.first_value = std::uint32_t(content.distance_values.size());
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     const auto at = std::size_t(axis);
-    grid.nodes[at] = nodesAlong(size[axis], spacing);
+    grid.nodes[at] = std::uint32_t(nodesAlong(size[axis], spacing));
     const double middle = 0.5 * (low + high)[axis];
     grid.origin[at] = float(middle - 0.5 * (grid.nodes[at] - 1) * spacing);
   }
