@@ -284,7 +284,7 @@ void findPointContacts(const Piece& piece, const ContactStep& step, TouchingPiec
   const Field& field = piece.field();
   const Spacing s = spacingOf(field, step.diagonal);
   // Where the piece is in the step.
-  const double around = double(seen.stirring) + double(seen.map->bulge()) + kMargin * step.diagonal;
+  const double around = double(seen.stirring) + double(seen.map->bulge()) + step.fall.norm() + kMargin * step.diagonal;
   const Vector3d travel = seen.center_before.cast<double>();
   const Eigen::AlignedBox3d box(
       seen.center + seen.low.cast<double>() + travel.cwiseMin(0) - Vector3d::Constant(around),

@@ -114,25 +114,37 @@ class Search {
     return {block[0], block[8], block[16]};
   }
 
+  /// How far a point falls in the prediction. What is held does not fall: where it touches is not to depend on the
+  /// length of a step.
+  Eigen::Vector3f fallOf(std::uint32_t p) const {
+    double part = field_.driven == 0 ? 1 : 0;
+    for (std::uint32_t j = field_.driven; field_.driven > 0 && j < field_.k; ++j) {
+      part += double(field_.valueAtPoint(p, j)) * field_.oneOf(j);
+    }
+    return (part * step_.fall).cast<float>();
+  }
+
   void lookAtShape(std::uint32_t number, const Collider& collider) {
     const Eigen::AlignedBox3d& bounds = collider.bounds();
     const Eigen::AlignedBox3f box((bounds.min() - center_).cast<float>().array() - float(margin_),
                                   (bounds.max() - center_).cast<float>().array() + float(margin_));
     for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
-      const Eigen::Vector3f now = placeOf(p, false), before = placeOf(p, true);
+      const Eigen::Vector3f now = placeOf(p, false), before = placeOf(p, true), lies = now - fallOf(p);
       const TouchingPoint* const touched = internal::touchedBefore(piece_, collider.id, p);
+      Eigen::AlignedBox3f way(now.cwiseMin(before), now.cwiseMax(before));
+      way.extend(lies);
       // A touching point may be pressed through a thin shape.
-      if (touched == nullptr && !box.intersects(Eigen::AlignedBox3f(now.cwiseMin(before), now.cwiseMax(before)))) {
-        continue;
-      }
-      const Vector3d to = collider.pose.toLocal(center_ + now.cast<double>());
+      if (touched == nullptr && !box.intersects(way)) continue;
       const Vector3d from = collider.pose_before.toLocal(center_ + before.cast<double>());
-      lookAtPath(number, collider, p, touched, from, to);
+      const auto look = [&](const Eigen::Vector3f& to) {
+        return lookAtPath(number, collider, p, touched, from, collider.pose.toLocal(center_ + to.cast<double>()));
+      };
+      if (!look(lies) && lies != now) look(now);
     }
   }
 
-  /// A point's path as its collider sees it, which is at rest there.
-  void lookAtPath(std::uint32_t number, const Collider& collider, std::uint32_t p, const TouchingPoint* touched,
+  /// A point's path as its collider sees it, which is at rest there. \return whether it touches.
+  bool lookAtPath(std::uint32_t number, const Collider& collider, std::uint32_t p, const TouchingPoint* touched,
                   const Vector3d& from, const Vector3d& to) {
     // Springs let points in a little: what touched begins where the surface was.
     Vector3d start = from;
@@ -160,7 +172,7 @@ class Search {
       const double reach = margin_ + (to - start).norm();
       NearPlace place = collider.shape.near(to, reach);
       if (place.distance < margin_) {
-        if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
+        if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return false;  // it came from behind
         Vector3d at = to;
         if (touched == nullptr) {  // what began inside leaves from there: the prediction may lie beyond
           const NearPlace before = collider.shape.near(from, reach);
@@ -170,12 +182,13 @@ class Search {
         found.offset = place.normal.dot(at) - place.distance;
         found.inside = touched == nullptr && place.normal.dot(from) < found.offset - margin_;
       } else if (!staysAt(start)) {  // a prediction that goes on as a thin part sprang leads away from what it lies on
-        return;
+        return false;
       }
     }
     found.touched = touched != nullptr;
     found.near_before = found.normal.dot(from) - found.offset < margin_;
     lent_.candidates.push_back(found);
+    return true;
   }
 
   /// A piece that begins within a convex collider leaves by one way, the shortest for all points there (the depth of
@@ -384,7 +397,7 @@ void findNear(const Piece& piece, std::span<const Collider* const> all, const Co
   if (field.points.empty() || all.empty()) return;
   // |x - c| <= sum_j max |phi_j| |z_j - one_j c|, at the prediction and before.
   Vector3d& reach = scratch.reach;
-  reach.setConstant(kMargin * step.diagonal);
+  reach = Vector3d::Constant(kMargin * step.diagonal) + step.fall.cwiseAbs();
   bool bounded = false;
   for (const Collider* collider : all) {
     const ColliderSettings& other = collider->settings;

@@ -29,7 +29,7 @@ struct ContactStep {
   const BodySettings* body;
   double h;              ///< s
   double diagonal;       ///< of the package, m
-  Vector3d gravity;      ///< m/s^2
+  Vector3d fall;         ///< of the prediction, which what holds a piece takes back, m
   double weight;         ///< of the piece: its mass times gravity, N
   float stiffness;       ///< factor on the moduli
   double damping_ratio;  ///< of contact points

@@ -212,8 +212,10 @@ class TouchSearch {
         apart_((a.center - b.center).cast<float>()),
         travel_(b.center_before - a.center_before),
         is_fast_(&a != &b && travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
-        low_(b.low.array() - (b.map->bulge() + margin_)),
-        high_(b.high.array() + (b.map->bulge() + margin_)),
+        fall_(a.fall - b.fall),
+        pins_((a.field->driven > 0 && !a.fall.isZero(0)) || (b.field->driven > 0 && !b.fall.isZero(0))),
+        low_((b.low + lowFall()).array() - (b.map->bulge() + margin_)),
+        high_((b.high + highFall()).array() + (b.map->bulge() + margin_)),
         corners_(b) {}
 
   /// Anywhere on the way.
@@ -326,18 +328,50 @@ class TouchSearch {
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance);
+    const Vector3f lies = at - fallOf(p, last);
     // Bent parts of b may overlap where the rigid motion leads: what is known is looked for where it was.
     const auto isStill = [&] {
       place = Eigen::Map<const Vector3f>(last->anchor.data());
-      return findsPlaceFrom(at, place) && isUnderSurface(place, distance);
+      return findsPlaceFrom(lies, place) && isUnderSurface(place, distance);
     };
     const bool near = entered || (last != nullptr && isStill()) ||
-                      isNear(at, b_.base, Vector3f::Zero(), place, distance) ||
+                      isNear(lies, b_.base, Vector3f::Zero(), place, distance) ||
+                      (lies != at && isNear(at, b_.base, Vector3f::Zero(), place, distance)) ||
                       (last != nullptr && isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance));
     if (near) add(key, last, entered, at, place, distance);
   }
 
   bool isItself() const { return &a_ == &b_; }
+
+  /// Bounds of fallOf(), with 0 between them.
+  Vector3f lowFall() const {
+    return pins_ ? Vector3f(a_.fall.cwiseMin(0.0F) - b_.fall.cwiseMax(0.0F)) : Vector3f(fall_.cwiseMin(0.0F));
+  }
+  Vector3f highFall() const {
+    return pins_ ? Vector3f(a_.fall.cwiseMax(0.0F) - b_.fall.cwiseMin(0.0F)) : Vector3f(fall_.cwiseMax(0.0F));
+  }
+
+  /// How far a's point falls against b in the prediction. What is held does not fall: where it touches is not to depend
+  /// on the length of a step.
+  Vector3f fallOf(std::uint32_t p, const TouchMemory* last) {
+    if (!pins_) return fall_;
+    const Field &a = *a_.field, &b = *b_.field;
+    const auto partOf = [this](const Field& field) {
+      float part = 0;
+      for (std::uint32_t j = field.driven; j < field.k; ++j) part += row_[j] * float(field.oneOf(j));
+      return part;
+    };
+    for (std::uint32_t j = 0; j < a.k; ++j) row_[j] = a.valueAtPoint(p, j);
+    const float part_a = a.driven > 0 ? partOf(a) : 1;
+    const Vector3f place = last != nullptr ? Vector3f(Eigen::Map<const Vector3f>(last->anchor.data()))
+                                           : Vector3f(b_.turn.transpose() * (pointAt(p) + apart_) + b_.rest_center);
+    float part_b = 1;
+    if (b.driven > 0 && b_.map->locate(place, material_)) {
+      setRow(b, material_, row_.data());
+      part_b = partOf(b);
+    }
+    return part_a * a_.fall - part_b * b_.fall;
+  }
 
   /// How far points lie outside b's box, along the axis along which they do most; not above 0 within.
   Eigen::Array<float, kBlock, 1> outsideBox(std::uint32_t first) const {
@@ -655,6 +689,8 @@ class TouchSearch {
   const float margin_;
   const Vector3f apart_, travel_;
   const bool is_fast_;
+  const Vector3f fall_;  ///< of a against b, where pins drive neither
+  const bool pins_;      ///< drive one that falls
   const Vector3f low_, high_;
   Corners corners_;                  ///< of b
   MaterialPoint material_;           ///< of b, located last

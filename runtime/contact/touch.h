@@ -35,6 +35,7 @@ struct TouchingPiece {
   Vector3d center = Vector3d::Zero();
   Eigen::Vector3f center_before = Eigen::Vector3f::Zero();  ///< before the step, relative to it, m
   float stirring = 0;                                       ///< way in the step against the centre, at most, m
+  Eigen::Vector3f fall = Eigen::Vector3f::Zero();           ///< ContactStep::fall
   Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();       ///< of the prediction
   Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
   double mass = 0;    ///< kg; infinite: it does not move

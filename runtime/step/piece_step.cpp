@@ -185,6 +185,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.stiffness = stiffness_;
   const float own = body_.settings.friction;
   result.friction = own >= 0 ? own : settings_.ground.friction;
+  result.fall = fall().cast<float>();
   result.damping_ratio = settings_.deformation_damping_ratio;
   return result;
 }
@@ -202,7 +203,16 @@ void PieceStep::prepareTogether(std::span<TouchRow> rows) {
 
 void PieceStep::oldPlace(float* d) const {
   std::fill_n(d, 4 * field_.driven, 0.0F);
-  for (std::uint32_t j = field_.driven; j < k_; ++j) setOffset(d, j, piece_.state.z[j] - s_.prediction[j]);
+  for (std::uint32_t j = field_.driven; j < k_; ++j) setOffset(d, j, oldPlaceOf(j) - s_.prediction[j]);
+}
+
+Vector3d PieceStep::oldPlaceOf(std::uint32_t j) const {
+  return field_.driven > 0 ? movedAlong(j, center_) : piece_.state.z[j];
+}
+
+Vector3d PieceStep::movedAlong(std::uint32_t j, const Vector3d& center) const {
+  const double one = field_.oneOf(j);
+  return one * center + turn_ * Vector3d(piece_.state.z[j] - one * rigid_.center);
 }
 
 void PieceStep::setOffset(float* d, std::uint32_t j, const Vector3d& way) const {
@@ -267,8 +277,13 @@ ContactStep PieceStep::contactStep() const {
   const double diagonal = double(body_.package().info().diagonal);
   return {nearby(),   &body_.settings,
           h_,         diagonal,
-          gravity_,   field_.mass * gravity_.norm(),
+          fall(),     field_.mass * gravity_.norm(),
           stiffness_, double(settings_.deformation_damping_ratio)};
+}
+
+Vector3d PieceStep::fall() const {
+  const bool held = leaned() || springs_ || field_.driven > 0;
+  return held && !stands() ? Vector3d(effective_h_ * effective_h_ * gravity_) : Vector3d(Vector3d::Zero());
 }
 
 void PieceStep::findMotion(const Vector3d& center) {
@@ -486,7 +501,8 @@ void PieceStep::findSprings() {
 
 void PieceStep::rebase() {
   for (std::uint32_t j = 0; j < k_; ++j) {
-    const Vector3d offset = j < field_.driven ? Vector3d::Zero() : Vector3d(piece_.state.z[j] - s_.prediction[j]);
+    Vector3d offset = Vector3d::Zero();
+    if (j >= field_.driven) offset = oldPlaceOf(j) - s_.prediction[j];
     setOffset(s_.offset.data(), j, offset);
     s_.prediction[j] += offset;
     s_.predicted_velocity[j] += offset / effective_h_;
@@ -531,23 +547,30 @@ void PieceStep::solve() {
   // Where the old shape was the lower place the energy here is likely to do.
   const bool stayed = std::exchange(piece_.state.stays, false) && !objective_.has_offset && s_.contacts.empty();
   Objective::Value value = objective_.at(s_.d.data(), stayed ? nullptr : s_.gradient.data(), true);
-  if (objective_.has_offset) {
-    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
-    return;
-  }
-  // The other place to start from: the old shape, moved along where nothing holds the piece.
-  const bool stays = springs_ || field_.driven > 0 || !s_.contacts.empty();
-  for (std::uint32_t j = field_.driven; j < k_; ++j) {
-    const Vector3d z = piece_.state.z[j];
-    const Vector3d moved =
-        stays ? z : Vector3d(field_.oneOf(j) * center_ + turn_ * (z - field_.oneOf(j) * rigid_.center));
-    setOffset(s_.next.data(), j, moved - s_.prediction[j]);
-  }
-  const auto takeOld = [&](const Objective::Value& old) {
-    value = old;
+  const auto takeNext = [&](const Objective::Value& there) {
+    value = there;
     std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
     std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
   };
+  if (objective_.has_offset) {
+    if (field_.driven == 0) {
+      // What springs hold goes on where they do.
+      for (std::uint32_t j = 0; j < k_; ++j) {
+        setOffset(s_.next.data(), j, movedAlong(j, rigid_.center + h_ * rigid_.velocity) - s_.prediction[j]);
+      }
+      if (value.elastic + objective_.besideElastic(s_.next.data(), nullptr) < value.total) {
+        const Objective::Value moved = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+        if (moved.total < value.total) takeNext(moved);
+      }
+    }
+    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
+    return;
+  }
+  // The other place to start from: the old shape, moved along unless it lies on something.
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    const Vector3d old = s_.contacts.empty() ? movedAlong(j, center_) : oldPlaceOf(j);
+    setOffset(s_.next.data(), j, old - s_.prediction[j]);
+  }
   if (!s_.contacts.empty()) {
     // Contacts come and go within a step: twice as many iterations at most (docs/decisions/0033-colliders.md).
     const std::uint32_t most = 4 * settings_.iterations;
@@ -562,7 +585,7 @@ void PieceStep::solve() {
       slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());
       const Objective::Value slid = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (slid.total < std::min(still.total, value.total)) {
-        takeOld(slid);
+        takeNext(slid);
         value_ = minimize(objective_, piece_.system, pairs, most, value);
         return;
       }
@@ -571,7 +594,7 @@ void PieceStep::solve() {
     if (piece_.state.elastic >= 0 && expected < value.total) {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
-        takeOld(old);
+        takeNext(old);
         value_ = minimize(objective_, piece_.system, pairs, most, value);
         return;
       }
@@ -581,7 +604,7 @@ void PieceStep::solve() {
     if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
     std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
     objective_.press(s_.next.data());
-    takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
+    takeNext(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
     useSystemAt(objective_, piece_.system, s_.d.data());
     pairs.clear();
     value_ = minimize(objective_, piece_.system, pairs, most, value);
@@ -592,7 +615,7 @@ void PieceStep::solve() {
   if (piece_.state.elastic < 0 || expected < value.total) {
     const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
     if (old.total < value.total) {
-      takeOld(old);
+      takeNext(old);
       piece_.state.stays = true;
     }
   }

@@ -76,7 +76,7 @@ class PieceStep {
   void reserveSystem(std::size_t rows);
   /// The objective with its touches: its first matrix and its frame.
   void prepareTogether(std::span<TouchRow> rows);
-  /// Where it was, from the prediction, in the frame of the piece. \param d k x 4.
+  /// Where it was, moved along with its pin sets, from the prediction, in the frame of the piece. \param d k x 4.
   void oldPlace(float* d) const;
   /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held. \param
   /// elastic energy there, J
@@ -97,6 +97,8 @@ class PieceStep {
   std::span<const Collider* const> nearby() const;
   const Collider& colliderOf(const ColliderTouch& touch) const;
   ContactStep contactStep() const;
+  /// What gravity alone adds to the prediction of what nothing drives, m; 0 where nothing takes it back.
+  Vector3d fall() const;
   SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, moved_, center_}; }
 
   /// begin() of what stands.
@@ -129,8 +131,13 @@ class PieceStep {
   void findExternal();
   void findSprings();
 
-  /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
-  /// where it is from where it should be, which floats hold only where both are near.
+  /// The old shape's coefficient, moved along with its pin sets.
+  Vector3d oldPlaceOf(std::uint32_t j) const;
+  /// The old shape's coefficient as the rigid motion of the step takes it. \param center to where it takes the centre.
+  Vector3d movedAlong(std::uint32_t j, const Vector3d& center) const;
+
+  /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the
+  /// difference of where it is from where it should be, which floats hold only where both are near.
   void rebase();
 
   /// A way in the world becomes a coefficient's offset.

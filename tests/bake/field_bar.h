@@ -9,6 +9,7 @@ namespace sinew::test {
 
 struct FieldBarOptions {
   bool pinned = false;  ///< the face at x = -0.5 is held by the pin set "held"
+  bool soft = false;    ///< and what lies next to it, half as firmly
   float hz = 20;        ///< of the free bar's lowest mode
 };
 
@@ -21,8 +22,11 @@ inline std::vector<std::byte> fieldBar(const FieldBarOptions& options) {
   box.stretch_hz = options.hz;
   formats::PackageContent content = boxContent(box);
   if (options.pinned) {
+    content.pin_weights.assign(content.physical_vertices.size(), 1.0F);
     for (std::uint32_t v = 0; v < content.physical_vertices.size(); ++v) {
-      if (content.physical_vertices[v].rest_position[0] < -0.499F) content.pin_set_vertices.push_back(v);
+      const float x = content.physical_vertices[v].rest_position[0];
+      if (x < (options.soft ? -0.299F : -0.499F)) content.pin_set_vertices.push_back(v);
+      if (x > -0.499F) content.pin_weights[v] = 0.5F;
     }
     content.pin_sets.push_back(
         {content.addText("held"), content.addText("world"), 3, 0, std::uint32_t(content.pin_set_vertices.size()), 0});

@@ -485,6 +485,68 @@ TEST(Colliders, AHandPressesWhatItTouchesAndLetsGo) {
   }
 }
 
+/// Force of a tool that a soft block on the ground holds up, N: least, mean and most in its last second.
+struct Held {
+  double least = 1e9, mean = 0, most = 0, fastest = 0;
+};
+
+Held pressedBy(const ColliderShape& tool, double half_height, const std::function<double(int)>& lengthOf) {
+  WorldSettings ground;
+  ground.ground.enabled = true;
+  World world(ground);
+  BodySettings firm = placed(0, 0.05, 0);
+  firm.stiffness_scale = 30;
+  const BodyId body = *world.addBody(touchingBox({0.2, 0.1, 0.2}, 6), firm);
+  ColliderSettings at;
+  double height = 0.11 + half_height;
+  at.at.position = {0.01F, float(height), 0.013F};
+  const ColliderId collider = *world.addCollider(tool, at);
+  Held held;
+  double impulse = 0, since = 0;
+  int step = 0;
+  for (double time = 0; time < 5;) {
+    const double h = lengthOf(step++);
+    height = std::max(0.08 + half_height, height - 0.2 * h);
+    world.moveCollider(collider, {{0.01F, float(height), 0.013F}});
+    world.step(float(h));
+    time += h;
+    if (time < 4) continue;
+    const double got = double(world.colliderReaction(collider).impulse[1]);
+    held.least = std::min(held.least, got / h);
+    held.most = std::max(held.most, got / h);
+    held.fastest = std::max(held.fastest, rmsSpeed(world, body));
+    impulse += got;
+    since += h;
+  }
+  held.mean = impulse / since;
+  return held;
+}
+
+// A prediction falls by g h^2, here by as much as the tool is deep in the block: what is held up does not.
+TEST(Colliders, AStillToolIsPushedAlikeAtEveryStep) {
+  const std::vector<std::tuple<const char*, ColliderShape, double>> tools = {
+      {"blade", BoxShape{{0.012F, 0.05F, 0.002F}}, 0.05},
+      {"needle", CapsuleShape{0.004F, 0.05F}, 0.054},
+      {"ball", SphereShape{0.02F}, 0.02},
+      {"bar", BoxShape{{0.03F, 0.02F, 0.03F}}, 0.02}};
+  std::mt19937 random(5);
+  const auto jitter = [&random](int) { return 0.004 + 0.026 * double(random()) / 4294967296.0; };
+  for (const auto& [name, tool, half_height] : tools) {
+    const double fine = pressedBy(tool, half_height, [](int) { return 0.002; }).mean;
+    EXPECT_GT(fine, 0.1) << name;
+    for (const auto& [steps, lengthOf] :
+         {std::pair<const char*, std::function<double(int)>>{"60", [](int) { return 1.0 / 60; }},
+          {"30", [](int) { return 1.0 / 30; }},
+          {"alternating", [](int i) { return i % 2 == 0 ? 0.030 : 0.004; }},
+          {"4 to 30 ms", jitter}}) {
+      const Held held = pressedBy(tool, half_height, lengthOf);
+      EXPECT_NEAR(held.mean, fine, 0.05 * fine) << name << ' ' << steps;
+      EXPECT_LT(held.most - held.least, 0.01 * fine) << name << ' ' << steps;
+      EXPECT_LT(held.fastest, 1e-4) << name << ' ' << steps;
+    }
+  }
+}
+
 // What it gives way by is no way that it has gone: its impulse moves it after the step.
 TEST(Colliders, AnEnginesBodyDoesNotSink) {
   const auto asset = touchingBox({0.5, 0.5, 0.5}, 6);

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Bodies on pin sets that move, as flesh on the bones of a character.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "sinew/runtime/world.h"
+#include "tests/bake/field_bar.h"
+#include "tests/runtime/world_state.h"
+
+namespace sinew::test {
+namespace {
+
+constexpr float kStep = 1.0F / 60;
+
+RigidTransform transformOf(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position) {
+  RigidTransform result;
+  for (int i = 0; i < 9; ++i) result.rotation[std::size_t(i)] = float(rotation(i / 3, i % 3));
+  for (int c = 0; c < 3; ++c) result.position[std::size_t(c)] = float(position[c]);
+  return result;
+}
+
+/// How far a body is from where a motion of its rest shape takes it, diagonals.
+double farFrom(const World& world, BodyId body, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position) {
+  double most = 0;
+  const auto vertices = world.asset(body).package().physicalVertices();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const Eigen::Vector3d place = rotation * wide(vertices[i].rest_position) + position;
+    most = std::max(most, (wide(world.positions(body)[i]) - place).norm());
+  }
+  return most / double(world.asset(body).package().info().diagonal);
+}
+
+class Held : public testing::TestWithParam<bool> {};
+
+// At a constant speed nothing pulls, however fast it is: whether or not pins of weights below 1 are springs.
+TEST_P(Held, FleshGoesWithItsBones) {
+  const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
+  const double diagonal = double(asset->package().info().diagonal);
+  for (const std::uint32_t iterations : {1U, 4U, 16U}) {
+    for (const double speed : {0.01, 0.05, 0.2, 1.0}) {  // diagonals a step
+      WorldSettings settings;
+      settings.gravity = {};
+      settings.iterations = iterations;
+      World world(settings);
+      const BodyId body = *world.addBody(asset);
+      double way = 0;
+      for (int i = 1; i <= 600; ++i) {
+        way += std::min(1.0, i / 60.0) * speed * diagonal;
+        world.movePinTarget(body, "world", transformOf(Eigen::Matrix3d::Identity(), {0, 0, way}));
+        world.step(kStep);
+        if (i < 580) continue;
+        ASSERT_LT(farFrom(world, body, Eigen::Matrix3d::Identity(), {0, 0, way}), 1e-4 + 1e-3 * speed)
+            << iterations << ' ' << speed << ' ' << i;
+      }
+    }
+  }
+}
+
+// About the bar's own axis, so that no centrifugal force bends it.
+TEST_P(Held, FleshTurnsWithItsBones) {
+  const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
+  for (const std::uint32_t iterations : {1U, 4U, 16U}) {
+    WorldSettings settings;
+    settings.gravity = {};
+    settings.iterations = iterations;
+    World world(settings);
+    const BodyId body = *world.addBody(asset);
+    double angle = 0;
+    for (int i = 1; i <= 300; ++i) {
+      angle += std::min(1.0, i / 60.0) * 3 * double(kStep);
+      const Eigen::Matrix3d rotation = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()).toRotationMatrix();
+      world.movePinTarget(body, "world", transformOf(rotation, Eigen::Vector3d::Zero()));
+      world.step(kStep);
+      if (i < 240) continue;
+      ASSERT_LT(farFrom(world, body, rotation, Eigen::Vector3d::Zero()), 5e-3) << iterations << ' ' << i;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Pins, Held, testing::Bool(),
+                         [](const auto& param) { return param.param ? "WithSprings" : "Exact"; });
+
+}  // namespace
+}  // namespace sinew::test
