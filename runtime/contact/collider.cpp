@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
 
 namespace sinew::internal {
@@ -26,9 +27,23 @@ void Collider::move(double share, double seconds) {
   place();
 }
 
-void Collider::giveWay(const Vector3d& got, double seconds) {
-  if (!(settings.mass > 0) || !std::isfinite(settings.most_speed)) return;
-  asVector(at.position) += (seconds / double(settings.mass) * got).cast<float>();
+void Collider::giveWay(const Vector3d& got, const Vector3d& turned, double seconds, double left) {
+  const bool led = std::isfinite(settings.most_speed);
+  if (!(settings.mass > 0) || !(led || moves())) return;
+  const Vector3d speed = got / double(settings.mass);
+  Vector3d spin = pose.rotation.transpose() * turned;
+  for (int c = 0; c < 3; ++c) {
+    const double moment = double(settings.inertia[std::size_t(c)]);
+    spin[c] = moment > 0 ? spin[c] / moment : 0;
+  }
+  spin = pose.rotation * spin;
+  const auto moveOn = [&](RigidTransform& t, double time) {
+    asVector(t.position) += (time * speed).cast<float>();
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(time * spin.norm(), spin.stableNormalized()) * Pose(t).rotation;
+    for (int i = 0; i < 9; ++i) t.rotation[std::size_t(i)] = float(turn(i / 3, i % 3));
+  };
+  moveOn(at, seconds);
+  if (!led) moveOn(target, seconds + left);
   pose = Pose(at);
 }
 
@@ -60,6 +75,8 @@ void Collider::place() {
 }
 
 bool Collider::moves() const { return before.rotation != at.rotation || before.position != at.position; }
+
+double Collider::firmer() const { return settings.mass > 0 ? 1 : kFirmer; }
 
 double Collider::inverseMassAt(const Vector3d& spot, const Vector3d& direction) const {
   if (!(settings.mass > 0)) return 0;

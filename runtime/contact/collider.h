@@ -38,8 +38,9 @@ struct Collider {
 
   /// A step begins: it goes `share` of the way to its target, at most at its speed.
   void move(double share, double seconds);
-  /// A step ends in which it got an impulse, N s: what follows its target gives way by h impulse / m.
-  void giveWay(const Vector3d& got, double seconds);
+  /// A step ends: what has a mass and moved gives way by h times what its impulses change its velocity by, and, where
+  /// no hand leads it, so does its target. \param got N s. \param turned N m s. \param left until the target, s.
+  void giveWay(const Vector3d& got, const Vector3d& turned, double seconds, double left);
   /// As it was: where it stood before the last step, where it is, where it goes.
   void goTo(const RigidTransform& was, const RigidTransform& now, const RigidTransform& later);
   /// The origin moves: all places are `by` off.
@@ -51,13 +52,16 @@ struct Collider {
   /// How far a push at a place along a unit direction moves what has its mass and inertia, 1/kg; 0: nothing moves it.
   double inverseMassAt(const Vector3d& place, const Vector3d& direction) const;
 
+  /// kFirmer where no push moves it, else 1.
+  double firmer() const;
+
   std::uint32_t id;  ///< ColliderId
   Shape shape;
   ColliderSettings settings;          ///< `at` as it was added
   RigidTransform before, at, target;  ///< before the last step, now, to go to
   Pose pose_before, pose;
-  Vector3d impulse = Vector3d::Zero(), torque = Vector3d::Zero();  ///< ColliderReaction
-  Vector3d impulse_before = Vector3d::Zero();                      ///< when the substep began
+  Vector3d impulse = Vector3d::Zero(), torque = Vector3d::Zero();                ///< ColliderReaction
+  Vector3d impulse_before = Vector3d::Zero(), torque_before = Vector3d::Zero();  ///< when the substep began
 
  private:
   void place();

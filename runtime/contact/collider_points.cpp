@@ -212,6 +212,7 @@ class ColliderPiece {
     seen_.mass = seen_.weight = kInfinity;
     seen_.diagonal = other.diagonal;
     seen_.friction = collider_.settings.friction;
+    seen_.firmer = collider_.firmer();
     seen_.damping_ratio = float(step.damping_ratio);
     seen_.points = {places_.data(), 24 * std::size_t(blocks)};
     seen_.low.setConstant(1e30F);

@@ -311,7 +311,7 @@ class Search {
     // A constant of the point, whatever else touches: else what rests would be a spring that changes.
     const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal);
     double kappa = pointFirmness(double(step_.stiffness) * field_.young, double(field_.points[contact.point].area),
-                                 weight, step_.diagonal);
+                                 weight, step_.diagonal, collider.firmer());
     const double damping = pointDamping(kappa, field_.mass, step_.damping_ratio);
     // But what could pass to the other side is stopped in the step in which it arrives.
     if (!collider.shape.isPlane() && coming > 0) {

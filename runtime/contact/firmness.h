@@ -25,11 +25,16 @@ inline constexpr double kPressedIn = 0.02;
 /// Least gravity in these bounds, diagonals per second squared.
 inline constexpr double kLeastGravity = 1;
 
+/// Times E sqrt(area) where a piece meets what stands, or moves as it is told. Points that are pressed alike give way
+/// as a layer sqrt(area) thick would, beside the give of the piece: a tenth of it where ten points lie side by side, as
+/// wide as a finger that squeezes it. What gives way itself (bodies, an engine's) is solved for in turns, and stays.
+inline constexpr double kFirmer = 8;
+
 /// kappa of a contact point, N/m. \param young of its piece, Pa. \param area of the surface that it stands for, m^2.
-/// \param weight of its piece, N. \param diagonal m.
-inline double pointFirmness(double young, double area, double weight, double diagonal) {
+/// \param weight of its piece, N. \param diagonal m. \param firmer kFirmer or 1.
+inline double pointFirmness(double young, double area, double weight, double diagonal, double firmer) {
   const double shared = weight / (kFew * diagonal);
-  return std::clamp(young * std::sqrt(area), shared / kSinking, shared / kResolved);
+  return std::clamp(firmer * young * std::sqrt(area), shared / kSinking, shared / kResolved);
 }
 
 /// Dashpot beside the spring of a contact point, N s/m. \param ratio to that in which the mass on kFew of them comes to

@@ -138,8 +138,8 @@ bool leave(const DepthMap& map, const Vector3f& from, float distance, const Vect
   return outward.dot(way) > 0;
 }
 
-double firmness(const TouchingPiece& piece, double area) {
-  return pointFirmness(double(piece.stiffness) * piece.field->young, area, piece.weight, piece.diagonal);
+double firmness(const TouchingPiece& piece, double area, double firmer) {
+  return pointFirmness(double(piece.stiffness) * piece.field->young, area, piece.weight, piece.diagonal, firmer);
 }
 
 }  // namespace
@@ -735,7 +735,7 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
     touch.a = index_a;
     touch.b = index_b;
     const double area = double(a.field->points[list.touches[i].memory.point].area);
-    touch.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
+    touch.kappa = float(1 / (1 / firmness(a, area, b.firmer) + 1 / firmness(b, area, a.firmer)));
     const double mass = 1 / (1 / a.mass + 1 / b.mass),
                  c = pointDamping(double(touch.kappa), mass, double(a.damping_ratio));
     stopInTime(mass, std::min(a.diagonal, b.diagonal), h, c, list.touches[i]);

@@ -42,6 +42,7 @@ struct TouchingPiece {
   double weight = 0;  ///< N, with at least kLeastGravity
   double diagonal = 0;
   float stiffness = 1, friction = 0, damping_ratio = 0;
+  double firmer = 1;                   ///< Collider::firmer(), of what it touches
   std::span<const TouchMemory> known;  ///< touches of its points in the last step, sorted
   std::span<float> points;             ///< x of all, y of all, z of all, relative to the centre
   /// Of what touches itself, else empty: room for one number a point, and for the normals of the bent surface there.

@@ -443,11 +443,15 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   for (const internal::Collider& collider : colliders) met.push_back(&collider);
   const bool awake = !std::all_of(bodies.begin(), bodies.end(), [](const auto& body) { return body->asleep(); });
   internal::stepWorld(bodies, step_scratch, together, {sound, {met.data(), met.size()}}, jobs, seconds, share);
-  for (internal::Collider& collider : colliders) collider.impulse_before = collider.impulse;
+  for (internal::Collider& collider : colliders) {
+    collider.impulse_before = collider.impulse;
+    collider.torque_before = collider.torque;
+  }
   gatherTouches(seconds);
   if (awake) tellTouching();
   for (internal::Collider& collider : colliders) {
-    collider.giveWay(collider.impulse - collider.impulse_before, seconds);
+    collider.giveWay(collider.impulse - collider.impulse_before, collider.torque - collider.torque_before, seconds,
+                     seconds / share - seconds);
   }
   for (const internal::BodyPointer& body : bodies) {
     if (body->repaired == 0) continue;

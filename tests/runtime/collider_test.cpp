@@ -375,7 +375,7 @@ TEST(Colliders, RestitutionMakesNoEnergy) {
 
 TEST(Colliders, AColliderWithAMassGivesWay) {
   const auto asset = boxAsset(cube());
-  // Thrown at a wall, at a block of its own mass (as an engine would: the impulse moves it after the step), at a
+  // Thrown at a wall, at a block of its own mass (as an engine would: it goes on from where the step has left it), at a
   // feather.
   for (const float mass : {0.0F, 1.0F, 0.01F}) {
     WorldSettings settings = weightless();
@@ -387,9 +387,9 @@ TEST(Colliders, AColliderWithAMassGivesWay) {
     block.mass = mass * float(m);
     const ColliderId collider = *world.addCollider(BoxShape{{0.15F, 0.15F, 0.15F}}, block);
     throwBody(world, body, {0, -1, 0});
-    double velocity = 0, place = 0;
+    double velocity = 0;
     for (int i = 0; i < 60; ++i) {
-      place += velocity / 60;
+      const double place = double(world.colliderPose(collider).position[1]) + velocity / 60;
       world.moveCollider(collider, {{0, float(place), 0}});
       world.step(1.0F / 60);
       const double impulse = double(world.colliderReaction(collider).impulse[1]);
@@ -402,6 +402,65 @@ TEST(Colliders, AColliderWithAMassGivesWay) {
       EXPECT_NEAR(double(mass) * velocity + left, -1, 1e-3);
       EXPECT_LE(double(mass) * velocity * velocity + left * left, 1.001);
       EXPECT_LE(velocity, -1 / (1 + double(mass)));  // no less than what sticks
+    }
+  }
+}
+
+/// A box of an engine, dropped onto a body that rests on the ground.
+struct Crate {
+  /// \param part of the body's mass.
+  Crate(World& in, BodyId on, double part, double half, double drop)
+      : world(in), mass(part * motionOf(in, on).mass), moment(mass * half * half * 2 / 3) {
+    ColliderSettings box;
+    box.mass = float(mass);
+    box.inertia = {float(moment), float(moment), float(moment)};
+    box.at.position = {0.02F, in.physicalBounds(on).high[1] + float(half + drop), 0};
+    const float size = float(half);
+    collider = *in.addCollider(BoxShape{{size, size, size}}, box);
+  }
+  /// What docs/runtime.md tells an engine to do in a step.
+  void step(float h) {
+    velocity[1] -= 9.81 * double(h);
+    RigidTransform at = world.colliderPose(collider);
+    const Vector3d place = wide(at.position) + double(h) * velocity;
+    Eigen::Matrix3d rotation;
+    for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(at.rotation[std::size_t(i)]);
+    rotation = Eigen::AngleAxisd(double(h) * spin.norm(), spin.stableNormalized()) * rotation;
+    for (int i = 0; i < 9; ++i) at.rotation[std::size_t(i)] = float(rotation(i / 3, i % 3));
+    at.position = {float(place[0]), float(place[1]), float(place[2])};
+    world.moveCollider(collider, at);
+    world.step(h);
+    const ColliderReaction got = world.colliderReaction(collider);
+    velocity += wide(got.impulse) / mass;
+    spin += wide(got.torque_impulse) / moment;
+  }
+  World& world;
+  ColliderId collider;
+  double mass, moment;
+  Vector3d velocity = Vector3d::Zero(), spin = Vector3d::Zero();
+};
+
+// From a thirtieth of the body's mass to three of it, dropped from as high as it is: they neither bounce nor chatter,
+// which is at g h.
+TEST(Colliders, AnEnginesBoxesRest) {
+  const auto asset = touchingBox({0.5, 0.5, 0.5}, 6);
+  WorldSettings ground;
+  ground.ground.enabled = true;
+  for (const float stiffness : {3.0F, 30.0F}) {
+    for (const double part : {0.03, 0.1, 0.3, 1.0, 3.0}) {
+      if (stiffness == 3.0F && part > 1) continue;  // it buckles
+      for (const double drop : {0.01, 0.5}) {
+        World world(ground);
+        BodySettings firm = placed(0, 0.25, 0);
+        firm.stiffness_scale = stiffness;
+        const BodyId body = *world.addBody(asset, firm);
+        run(world, 2);
+        Crate crate(world, body, part, 0.2, drop);
+        for (int i = 0; i < 600; ++i) crate.step(1.0F / 60);
+        EXPECT_LT(crate.velocity.norm(), 9.81 / 60 / 4) << stiffness << ' ' << part << ' ' << drop;
+        EXPECT_LT(crate.spin.norm(), 9.81 / 60 / 4 / 0.2) << stiffness << ' ' << part << ' ' << drop;
+        EXPECT_GT(world.colliderPose(crate.collider).position[1], 0.6F) << stiffness << ' ' << part << ' ' << drop;
+      }
     }
   }
 }
@@ -543,6 +602,43 @@ TEST(Colliders, AStillToolIsPushedAlikeAtEveryStep) {
       EXPECT_NEAR(held.mean, fine, 0.05 * fine) << name << ' ' << steps;
       EXPECT_LT(held.most - held.least, 0.01 * fine) << name << ' ' << steps;
       EXPECT_LT(held.fastest, 1e-4) << name << ' ' << steps;
+    }
+  }
+}
+
+// What is squeezed gives way, not what it is squeezed by: else it comes through thin fingers and hangs on them.
+TEST(Colliders, FingersLetGo) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 6);
+  for (const float half : {0.0075F, 0.015F, 0.03F}) {
+    for (const double left : {0.8, 0.65, 0.5}) {
+      World world(weightless());
+      const BodyId body = *world.addBody(asset, placed(0, 0, 0));
+      const auto at = [&](double part, float side) {
+        return RigidTransform{{side * (0.15F * float(part) + half), 0, 0}};
+      };
+      std::vector<ColliderId> fingers;
+      for (const float side : {-1.0F, 1.0F}) {
+        ColliderSettings finger;
+        finger.at = at(1.2, side);
+        fingers.push_back(*world.addCollider(BoxShape{{half, 0.2F, 0.2F}}, finger));
+      }
+      double deepest = 0;
+      for (int i = 0; i < 400; ++i) {
+        const double part = i < 36   ? 1.2 + (left - 1.2) * i / 36
+                            : i < 66 ? left
+                                     : std::min(3.0, left + 0.05 * (i - 66));
+        for (std::size_t k = 0; k < 2; ++k) world.moveCollider(fingers[k], at(part, k == 0 ? -1.0F : 1.0F));
+        world.step(1.0F / 60);
+        if (i >= 66) continue;
+        for (const Vec3& x : world.positions(body)) {
+          deepest = std::max(deepest, std::abs(double(x[0])) - 0.15 * part);
+        }
+      }
+      EXPECT_LT(deepest, 0.04 * 0.3) << half << ' ' << left;
+      for (const ColliderId finger : fingers) {
+        EXPECT_EQ(wide(world.colliderReaction(finger).impulse).norm(), 0) << half << ' ' << left;
+      }
+      EXPECT_LT(world.energy(body).elastic, 1e-4 * motionOf(world, body).mass) << half << ' ' << left;
     }
   }
 }

@@ -396,7 +396,7 @@ SINEW_API sinew_status sinew_collider_add(sinew_world* world, const sinew_shape*
 /* Reached as sinew_pin_set_move() says, so that its speed is known. What jumps is removed and added. */
 SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const float position[3],
                                            const float rotation[9]);
-/* Where it is after the last step. */
+/* Where it is after the last step: an engine's rigid body, which has given way, goes on from there. */
 SINEW_API sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, float position[3],
                                            float rotation[9]);
 SINEW_API sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider);

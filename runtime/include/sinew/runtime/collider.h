@@ -77,8 +77,9 @@ struct ColliderSettings {
   /// mass that it has then gives way to what it pushes, and comes back at this speed. Infinity: it is reached in a
   /// step.
   float most_speed = std::numeric_limits<float>::infinity();
-  /// Mass of the engine's rigid body that this is, kg: bodies then feel how far it gives way (docs/method.md §4). 0: it
-  /// moves as it is told, whatever pushes it.
+  /// Mass of the engine's rigid body that this is, kg: bodies then feel how far it gives way, and where it is moved in
+  /// a step it is at World::colliderPose() after it, not where it was told to be (docs/method.md §4). 0: it moves as it
+  /// is told, whatever pushes it.
   float mass = 0;
   /// Moments of inertia about the axes of `at`, whose origin is the centre of mass, kg m^2; 0: it does not turn about
   /// that axis.

@@ -266,7 +266,8 @@ class SINEW_API World {
   /// Moves it, as movePinSet(), so that its speed is known and takes bodies along. For a jump, remove and add it.
   /// Ignored where `to` is not finite or not a proper rotation.
   void moveCollider(ColliderId collider, const RigidTransform& to);
-  /// Where it is after the last step: not where it was told to go where it follows slowly or gives way.
+  /// Where it is after the last step: not where it was told to go where it follows slowly or, having a mass, gives way.
+  /// An engine's rigid body goes on from here.
   RigidTransform colliderPose(ColliderId collider) const;
   /// Bodies that touched it have an event of the end in the next step.
   void removeCollider(ColliderId collider);
