@@ -158,6 +158,11 @@ sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float 
                 });
 }
 
+sinew_status sinew_body_snap_to_pins(sinew_world* world, uint32_t body) {
+  return onBody("sinew_body_snap_to_pins", world, body, true,
+                [](sinew::World& w, sinew::BodyId id) { w.snapToPins(id); });
+}
+
 sinew_status sinew_body_positions(const sinew_world* world, uint32_t body, const float** xyz, uint32_t* count) {
   return vectorsOf("sinew_body_positions", world, body, xyz, count,
                    [](const sinew::World& w, sinew::BodyId id) { return w.positions(id); });

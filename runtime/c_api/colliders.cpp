@@ -75,6 +75,7 @@ sinew_collider_settings fromCpp(const sinew::ColliderSettings& s) {
   result.mass = s.mass;
   std::copy(s.inertia.begin(), s.inertia.end(), result.inertia);
   result.most_speed = s.most_speed;
+  std::copy(s.surface_velocity.begin(), s.surface_velocity.end(), result.surface_velocity);
   return result;
 }
 
@@ -88,6 +89,7 @@ sinew::ColliderSettings toCpp(const sinew_collider_settings& s) {
   result.mass = s.mass;
   result.inertia = vec3(s.inertia);
   result.most_speed = s.most_speed;
+  result.surface_velocity = vec3(s.surface_velocity);
   return result;
 }
 
@@ -136,6 +138,20 @@ sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const fl
   });
 }
 
+sinew_status sinew_collider_set_settings(sinew_world* world, uint32_t collider,
+                                         const sinew_collider_settings* settings) {
+  return onWorld("sinew_collider_set_settings", world, isFilled(settings), [&](sinew::World& w) {
+    w.setColliderSettings({collider}, toCpp(readStruct(settings, fromCpp(sinew::ColliderSettings{}))));
+  });
+}
+
+sinew_status sinew_collider_get_settings(const sinew_world* world, uint32_t collider,
+                                         sinew_collider_settings* settings) {
+  return onWorld("sinew_collider_get_settings", world, isFilled(settings), [&](const sinew::World& w) {
+    writeStruct(fromCpp(w.colliderSettings({collider})), settings, settings->struct_size);
+  });
+}
+
 sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider) {
   return onWorld("sinew_collider_remove", world, true, [&](sinew::World& w) {
     w.removeCollider({collider});
@@ -149,6 +165,14 @@ sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, fl
     std::copy(at.position.begin(), at.position.end(), position);
     std::copy(at.rotation.begin(), at.rotation.end(), rotation);
     return SINEW_OK;
+  });
+}
+
+sinew_status sinew_collider_drawn(const sinew_world* world, uint32_t collider, float position[3], float rotation[9]) {
+  return onWorld("sinew_collider_drawn", world, position != nullptr && rotation != nullptr, [&](const sinew::World& w) {
+    const sinew::RigidTransform at = w.drawnPose(sinew::ColliderId{collider});
+    std::copy(at.position.begin(), at.position.end(), position);
+    std::copy(at.rotation.begin(), at.rotation.end(), rotation);
   });
 }
 

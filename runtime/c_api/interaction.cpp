@@ -134,6 +134,14 @@ sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const floa
                  [&](sinew::World& w) { w.movePinSet({pin_set}, transform(position, rotation)); });
 }
 
+sinew_status sinew_pin_set_drawn(const sinew_world* world, uint32_t pin_set, float position[3], float rotation[9]) {
+  return onWorld("sinew_pin_set_drawn", world, position != nullptr && rotation != nullptr, [&](const sinew::World& w) {
+    const sinew::RigidTransform at = w.drawnPose(sinew::PinSetId{pin_set});
+    std::copy(at.position.begin(), at.position.end(), position);
+    std::copy(at.rotation.begin(), at.rotation.end(), rotation);
+  });
+}
+
 sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set) {
   return onWorld("sinew_pin_set_remove", world, true, [&](sinew::World& w) { w.removePinSet({pin_set}); });
 }

@@ -76,6 +76,8 @@ void Collider::place() {
 
 bool Collider::moves() const { return before.rotation != at.rotation || before.position != at.position; }
 
+bool Collider::takesAlong() const { return moves() || settings.surface_velocity != Vec3{}; }
+
 double Collider::firmer() const { return settings.mass > 0 ? 1 : kFirmer; }
 
 double Collider::inverseMassAt(const Vector3d& spot, const Vector3d& direction) const {

@@ -47,6 +47,8 @@ struct Collider {
   void shift(const Eigen::Vector3f& by);
   /// Whether it has moved in this step.
   bool moves() const;
+  /// Whether it, or its surface, has.
+  bool takesAlong() const;
   /// Box of its places in this step, world.
   const Eigen::AlignedBox3d& bounds() const { return bounds_; }
   /// How far a push at a place along a unit direction moves what has its mass and inertia, 1/kg; 0: nothing moves it.

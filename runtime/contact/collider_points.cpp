@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "runtime/clusters/algebra.h"
 #include "runtime/contact/firmness.h"
 
 namespace sinew::internal {
@@ -213,6 +214,8 @@ class ColliderPiece {
     seen_.diagonal = other.diagonal;
     seen_.friction = collider_.settings.friction;
     seen_.firmer = collider_.firmer();
+    const Vector3d belt = step.h * asVector(collider_.settings.surface_velocity).cast<double>();
+    seen_.belt = (collider_.pose.rotation * belt).cast<float>();
     seen_.damping_ratio = float(step.damping_ratio);
     seen_.points = {places_.data(), 24 * std::size_t(blocks)};
     seen_.low.setConstant(1e30F);

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "runtime/clusters/algebra.h"
 #include "runtime/contact/firmness.h"
 
 namespace sinew::internal {
@@ -319,13 +320,15 @@ class Search {
       kappa = std::max(kappa, stops - damping / step_.h);
     }
     contact.kappa = float(kappa);
-    Vector3d anchor = before;
+    Vector3d anchor = before, belt = step_.h * asVector(collider.settings.surface_velocity).cast<double>();
     if (touched != nullptr) {
       anchor = Eigen::Map<const Vector3d>(touched->anchor.data());
     } else if (gap < 0 && gap_before > 0) {
-      anchor += gap_before / (gap_before - gap) * (local - before);  // where it touched
+      const double part = gap_before / (gap_before - gap);  // when it touched
+      anchor += part * (local - before);
+      belt *= 1 - part;
     }
-    const Vector3d slide = at - collider.pose.toWorld(anchor);
+    const Vector3d slide = at - collider.pose.toWorld(anchor + belt);
     contact.slide = (slide - normal.dot(slide) * normal).cast<float>();
     Vector3d slid = touched != nullptr ? Vector3d(collider.pose.rotation * (before - anchor)) : Vector3d::Zero();
     slid -= (normal.dot(slid) + pressed_in) * normal;

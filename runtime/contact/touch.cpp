@@ -615,7 +615,7 @@ class TouchSearch {
     touch.coming = (gap_before - gap) / float(h_);
     const auto across = [&](const Vector3f& v) { return Vector3f(v - t.normal.dot(v) * t.normal); };
     t.friction = std::sqrt(a_.friction * b_.friction);
-    t.slide = across(motion);
+    t.slide = across(motion + a_.belt);
     Vector3f slid = Vector3f::Zero();  // before the step
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material_)) {
       slid = across(at - corners_.placeOf(material_) - motion);

@@ -50,7 +50,8 @@ struct TouchingPiece {
   std::span<Eigen::Vector3f> normals;
   // By placePoints():
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
-  float bent = 0;  ///< how far they are from where a rigid motion has them, at most
+  Eigen::Vector3f belt = Eigen::Vector3f::Zero();  ///< way of its surface against itself, m
+  float bent = 0;                                  ///< how far they are from where a rigid motion has them, at most
 };
 
 /// The order of touches.

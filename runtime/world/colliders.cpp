@@ -79,28 +79,27 @@ void World::Impl::tellTouching() {
   missing(touching, touching_before, true);
 }
 
+const char* internal::faultOf(const ColliderSettings& settings) {
+  const auto isWeight = [](float value) { return value >= 0 && std::isfinite(value); };
+  if (!isProper(settings.at)) return "the transform is not finite, or its rotation not proper";
+  if (!(settings.friction >= 0 && settings.friction <= 1e4F)) return "ColliderSettings::friction must be 0 to 1e4";
+  if (!(settings.restitution >= 0 && settings.restitution <= 1)) return "ColliderSettings::restitution must be 0 to 1";
+  if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
+    return "mass and inertia must be 0 or more, and finite";
+  }
+  if (!(settings.most_speed > 0)) return "ColliderSettings::most_speed must be above 0";
+  if (!internal::asVector(settings.surface_velocity).allFinite())
+    return "ColliderSettings::surface_velocity is not finite";
+  return nullptr;
+}
+
 Result<ColliderId> World::addCollider(const ColliderShape& shape, const ColliderSettings& settings) {
   const Impl::Presence presence(*impl_, "addCollider", Impl::As::changes);
   if (!presence) return presence.refusal();
   return impl_->guarded(
       "addCollider", Result<ColliderId>(Error{"addCollider: out of memory"}), [&]() -> Result<ColliderId> {
         if (const char* fault = internal::Shape::faultOf(shape)) return impl_->refuse("addCollider: %s", fault);
-        if (!internal::isProper(settings.at)) {
-          return impl_->refuse("addCollider: the transform is not finite, or its rotation not proper");
-        }
-        if (!(settings.friction >= 0 && settings.friction <= 1e4F)) {
-          return impl_->refuse("addCollider: ColliderSettings::friction must be 0 to 1e4");
-        }
-        if (!(settings.restitution >= 0 && settings.restitution <= 1)) {
-          return impl_->refuse("addCollider: ColliderSettings::restitution must be 0 to 1");
-        }
-        const auto isWeight = [](float value) { return value >= 0 && std::isfinite(value); };
-        if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
-          return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
-        }
-        if (!(settings.most_speed > 0)) {
-          return impl_->refuse("addCollider: ColliderSettings::most_speed must be above 0");
-        }
+        if (const char* fault = internal::faultOf(settings)) return impl_->refuse("addCollider: %s", fault);
         const auto& added = impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
         internal::wakeIn(impl_->bodies, added.bounds());
         return ColliderId{impl_->next_collider++};
@@ -128,6 +127,33 @@ RigidTransform World::colliderPose(ColliderId id) const {
     for (int c = 0; c < 3; ++c) at.rotation[3 * std::size_t(r) + std::size_t(c)] = float(collider->pose.rotation(r, c));
   }
   return at;
+}
+
+RigidTransform World::drawnPose(ColliderId id) const {
+  const Impl::Presence presence(*impl_, "drawnPose", Impl::As::looks);
+  const internal::Collider* const collider = presence.find(id);
+  return collider != nullptr ? internal::between(collider->before, collider->at, impl_->shown) : RigidTransform{};
+}
+
+ColliderSettings World::colliderSettings(ColliderId id) const {
+  const Impl::Presence presence(*impl_, "colliderSettings", Impl::As::looks);
+  const internal::Collider* const collider = presence.find(id);
+  return collider != nullptr ? collider->settings : ColliderSettings{};
+}
+
+bool World::setColliderSettings(ColliderId id, const ColliderSettings& settings) {
+  const Impl::Presence presence(*impl_, "setColliderSettings", Impl::As::changes);
+  internal::Collider* const collider = presence.find(id);
+  if (collider == nullptr) return false;
+  ColliderSettings wanted = settings;
+  wanted.at = collider->settings.at;
+  if (const char* fault = internal::faultOf(wanted)) {
+    impl_->tell(LogSeverity::error, "setColliderSettings: %s", fault);
+    return false;
+  }
+  collider->settings = wanted;
+  internal::wakeIn(impl_->bodies, collider->bounds());
+  return true;
 }
 
 void World::removeCollider(ColliderId id) {

@@ -161,6 +161,14 @@ std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const Rig
   return moved;
 }
 
+RigidTransform World::drawnPose(PinSetId id) const {
+  const Impl::Presence presence(*impl_, "drawnPose", Impl::As::looks);
+  const auto [body, index] = presence.find(id);
+  if (body == nullptr) return {};
+  const internal::PinSet& set = body->pin_sets[index];
+  return internal::between(set.before, set.at, impl_->shown);
+}
+
 PinReaction World::pinReaction(PinSetId id) const {
   const Impl::Presence presence(*impl_, "pinReaction", Impl::As::looks);
   const auto [body, index] = presence.find(id);

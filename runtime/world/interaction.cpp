@@ -107,7 +107,9 @@ void World::setActivity(BodyId id, Activity activity) {
     body->outdated = true;
   }
   body->activity = activity;
-  if (activity == Activity::active) body->sleeps_with = formats::kNone;
+  if (activity != Activity::active) return;
+  body->sleeps_with = formats::kNone;
+  impl_->snapToPins(*body);
 }
 
 Activity World::activity(BodyId id) const {

@@ -351,6 +351,53 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
               asVector(translation).cast<double>());
 }
 
+void World::snapToPins(BodyId id) {
+  const Impl::Presence presence(*impl_, "snapToPins", Impl::As::changes);
+  if (Body* body = presence.find(id)) impl_->snapToPins(*body);
+}
+
+// Of places with turns the nearest rigid motion (Kabsch 1976); the turns decide where the places lie on a line.
+void World::Impl::snapToPins(Body& body) {
+  double weight = 0;
+  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
+  Eigen::Matrix3d both = Eigen::Matrix3d::Zero();
+  bool moved = false;
+  const double size2 = double(body.package().info().diagonal) * double(body.package().info().diagonal);
+  const auto add = [&](const Eigen::Vector3d& was, const Eigen::Vector3d& goes, double w) {
+    weight += w;
+    from += w * was;
+    to += w * goes;
+    both += w * goes * was.transpose();
+  };
+  for (const internal::Pin& pin : body.pins) {
+    moved = moved || pin.at != pin.target;
+    add(asVector(pin.at).cast<double>(), asVector(pin.target).cast<double>(), 1);
+  }
+  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+  for (const internal::PinSet& set : body.pin_sets) {
+    moved = moved || set.at.position != set.target.position || set.at.rotation != set.target.rotation;
+    const internal::Pose was(set.at), goes(set.target);
+    for (const internal::PinnedVertex& vertex : set.vertices) {
+      const Eigen::Vector3d local = asVector(vertex.local).cast<double>();
+      add(was.toWorld(local), goes.toWorld(local), double(vertex.weight));
+    }
+    turns += goes.rotation * was.rotation.transpose();
+  }
+  if (!moved || !(weight > 0)) return;
+  from /= weight;
+  to /= weight;
+  both = both / weight - to * from.transpose() + 1e-6 * size2 * (turns + 1e-6 * Eigen::Matrix3d::Identity());
+  const Eigen::Matrix3d r = geometry::nearestRotation(both);
+  displaced(body);
+  internal::Array<RigidTransform> targets(memory);
+  for (const internal::PinSet& set : body.pin_sets) targets.push_back(set.target);
+  internal::Array<Vec3> places(memory);
+  for (const internal::Pin& pin : body.pins) places.push_back(pin.target);
+  move(body, r, to - r * from);
+  for (std::size_t i = 0; i < targets.size(); ++i) body.pin_sets[i].target = targets[i];
+  for (std::size_t i = 0; i < places.size(); ++i) body.pins[i].target = places[i];
+}
+
 void World::Impl::move(Body& body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t) {
   const auto rotate = [&](float* p, std::ptrdiff_t stride) {
     const Eigen::Vector3d turned = r * Eigen::Vector3d(double(p[0]), double(p[stride]), double(p[2 * stride]));

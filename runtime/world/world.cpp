@@ -429,7 +429,7 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   acting = sound;
   for (internal::Collider& collider : colliders) {
     collider.move(share, seconds);
-    if (collider.moves()) internal::wakeIn(bodies, collider.bounds());
+    if (collider.takesAlong()) internal::wakeIn(bodies, collider.bounds());
   }
   met.clear();
   met.reserve(colliders.size() + 1);

@@ -28,6 +28,8 @@ namespace internal {
 bool isProper(const Mat3& rotation);
 /// The same with a finite position.
 bool isProper(const RigidTransform& transform);
+/// What is wrong with them, or null.
+const char* faultOf(const ColliderSettings& settings);
 /// Why saved bytes cannot be restored into a body; empty if they can.
 const char* faultOfState(std::span<const std::byte> bytes, const Body& body);
 /// Why settings that may change are refused; null if they are not.
@@ -187,6 +189,7 @@ struct SINEW_HIDDEN World::Impl {
 
   /// The body, what holds it and what was drawn of it become r x + t.
   void move(internal::Body& body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t);
+  void snapToPins(internal::Body& body);
 
   /// Whether a point is one of a body; tells the log where it is not.
   bool isOf(const internal::Body& body, const BodyPoint& at, const char* call) const;

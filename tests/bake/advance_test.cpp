@@ -72,6 +72,33 @@ TEST(Advance, AFrameOfOneInnerStepIsAStep) {
   }
 }
 
+// Bones as rigid as what is drawn of the flesh on them.
+TEST(Advance, DrawsPinSetsWhereTheFleshIs) {
+  World world(space());
+  const BodyId body = *world.addBody(heldBar());
+  const PinSetId pins = world.pinSet(body, "held");
+  double time = 0;
+  for (int frame = 0; frame < 200; ++frame) {
+    const float seconds = frame % 3 == 0 ? 0.004F : frame % 3 == 1 ? 0.031F : 0.011F;
+    time += double(seconds);
+    world.movePinTarget(body, "world", {{float(2 * time), 0, 0}});
+    world.advance(seconds);
+    const std::vector<Vec3> x = drawn(world, body);
+    const auto rest = world.asset(body).package().visualPositions();
+    const RigidTransform at = world.drawnPose(pins);
+    double most = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      if (rest[i][0] > -0.499F) continue;
+      for (std::size_t c = 0; c < 3; ++c)
+        most = std::max(most, std::abs(double(x[i][c] - rest[i][c] - at.position[c])));
+    }
+    ASSERT_LT(most, 2e-6) << frame;
+    // One substep before the end of the frame.
+    if (frame < 100) continue;
+    ASSERT_NEAR(at.position[0], 2 * (time - double(kStep)), 1e-3) << frame;
+  }
+}
+
 TEST(Advance, TheRateOfFramesDoesNotChangeTheMotion) {
   World by_steps;
   const BodyId body = *by_steps.addBody(heldBar());

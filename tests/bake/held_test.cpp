@@ -80,6 +80,32 @@ TEST_P(Held, FleshTurnsWithItsBones) {
   }
 }
 
+// A skeleton that has gone on while its flesh was off screen, or that jumps at a cut.
+TEST_P(Held, ComesBackWhereItsBonesAre) {
+  const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
+  const Eigen::Matrix3d rotation = Eigen::AngleAxisd(2.5, Eigen::Vector3d(1, 2, 0.5).normalized()).toRotationMatrix();
+  const Eigen::Vector3d place(30, 5, -12);
+  WorldSettings settings;
+  settings.gravity = {};
+  for (const Activity off : {Activity::paused, Activity::disabled, Activity::active}) {
+    World world(settings);
+    const BodyId body = *world.addBody(asset);
+    for (int i = 0; i < 30; ++i) world.step(kStep);
+    world.setActivity(body, off);
+    world.movePinTarget(body, "world", transformOf(rotation, place));
+    if (off == Activity::active) {
+      world.snapToPins(body);
+    } else {
+      for (int i = 0; i < 30; ++i) world.step(kStep);
+      world.setActivity(body, Activity::active);
+    }
+    for (int i = 0; i < 30; ++i) {
+      world.step(kStep);
+      ASSERT_LT(farFrom(world, body, rotation, place), 1e-4) << int(off) << ' ' << i;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Pins, Held, testing::Bool(),
                          [](const auto& param) { return param.param ? "WithSprings" : "Exact"; });
 

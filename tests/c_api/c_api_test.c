@@ -333,7 +333,7 @@ static void testMotion(const sinew_asset* asset) {
     const uint32_t held[3] = {0, 1, 2}, twice[2] = {3, 3};
     const float origin[3] = {0, 0, 0};
     uint32_t set = SINEW_NONE;
-    float force[3], torque[3];
+    float force[3], torque[3], at[3], turned[9];
     CHECK_OK(sinew_body_pin_set(world, body, held, 3, origin, identity, SINEW_PIN_CONSTRAINED_FIT, &set));
     CHECK_FAILS(SINEW_ERROR_ARGUMENT,
                 sinew_body_pin_set(world, body, held, 3, origin, identity, SINEW_PIN_HOLD, &pick));
@@ -344,6 +344,13 @@ static void testMotion(const sinew_asset* asset) {
     CHECK_OK(sinew_world_step(world, 1.0f / 60));
     CHECK_OK(sinew_pin_set_reaction(world, set, force, torque));
     CHECK(force[1] < 0); /* lifting the body pulls the bone down */
+    CHECK_OK(sinew_pin_set_drawn(world, set, at, turned));
+    CHECK(at[0] == up[0] && at[1] == up[1] && turned[8] == 1);
+    CHECK_OK(sinew_pin_set_move(world, set, origin, identity));
+    CHECK_OK(sinew_body_snap_to_pins(world, body));
+    CHECK_OK(sinew_pin_set_drawn(world, set, at, turned));
+    CHECK(fabsf(at[1]) < 1e-5f);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_snap_to_pins(world, 12345));
     CHECK_OK(sinew_pin_set_remove(world, set));
     CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pin_set_remove(world, set));
     CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pin_set_move(world, set, up, identity));
@@ -545,6 +552,20 @@ static void testColliders(const sinew_asset* asset) {
     CHECK_OK(sinew_collider_pose(world, floor, position, rotation));
     CHECK(position[1] == settings.position[1] && rotation[0] == 1 && rotation[1] == 0);
     CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_pose(world, floor, NULL, rotation));
+    CHECK_OK(sinew_collider_drawn(world, floor, position, rotation));
+    CHECK(position[1] == settings.position[1] && rotation[0] == 1 && rotation[1] == 0);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_drawn(world, floor, position, NULL));
+    CHECK_OK(sinew_collider_get_settings(world, floor, &settings));
+    CHECK(settings.surface_velocity[0] == 0);
+    settings.surface_velocity[0] = 2;
+    CHECK_OK(sinew_collider_set_settings(world, floor, &settings));
+    settings.surface_velocity[0] = 0;
+    CHECK_OK(sinew_collider_get_settings(world, floor, &settings));
+    CHECK(settings.surface_velocity[0] == 2);
+    settings.friction = -1;
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_set_settings(world, floor, &settings));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_get_settings(world, 12345, &settings));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_get_settings(world, floor, NULL));
   }
   CHECK_OK(sinew_collider_remove(world, floor));
 

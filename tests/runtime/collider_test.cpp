@@ -243,6 +243,66 @@ TEST(Colliders, PoseIsWhereItIsNotWhereItWasTold) {
   for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(at.rotation[i], settings.at.rotation[i], 1e-6) << i;
 }
 
+// Belts that stand still: a floor, a drum of many edges, a wire, whose points are of the other kind.
+TEST(Colliders, ABeltTakesABodyAlong) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 4);
+  for (const float h : {1.0F / 60, 1.0F / 240}) {
+    for (const bool wires : {false, true}) {
+      World world;
+      std::vector<ColliderId> belts;
+      for (const float z : {-0.1F, 0.1F}) {
+        ColliderSettings belt;
+        // Its own axes are turned: along its -z it runs along the world's x.
+        belt.at = {{0, wires ? -0.01F : -0.5F, wires ? z : 0}, turned(-M_PI / 2, {0, 1, 0})};
+        belt.surface_velocity = {0, 0, -0.8F};
+        const Vec3 half = wires ? Vec3{0.01F, 0.01F, 5} : Vec3{5, 0.5F, 5};
+        belts.push_back(*world.addCollider(BoxShape{half}, belt));
+        if (!wires) break;
+      }
+      BodySettings firm = placed(0, 0.151, 0);
+      firm.stiffness_scale = 5;
+      const BodyId body = *world.addBody(asset, firm);
+      for (float t = 0; t < 2; t += h) world.step(h);
+      EXPECT_NEAR(motionOf(world, body).momentum[0] / motionOf(world, body).mass, 0.8, 0.02) << wires << ' ' << h;
+      for (const ColliderId belt : belts) {
+        ColliderSettings stopped = world.colliderSettings(belt);
+        EXPECT_EQ(stopped.surface_velocity[2], -0.8F);
+        stopped.surface_velocity = {};
+        ASSERT_TRUE(world.setColliderSettings(belt, stopped));
+      }
+      for (float t = 0; t < 2; t += h) world.step(h);
+      EXPECT_NEAR(motionOf(world, body).momentum[0] / motionOf(world, body).mass, 0, 0.005) << wires << ' ' << h;
+    }
+  }
+}
+
+// Friction pulls what a belt cannot take along, and a sleeper on it wakes.
+TEST(Colliders, ABeltPullsNoMoreThanFrictionDoes) {
+  const auto asset = touchingBox({0.3, 0.3, 0.3}, 4);
+  WorldSettings sleepy;
+  sleepy.sleep_seconds = 0.25F;
+  sleepy.damping = 0;
+  World world(sleepy);
+  ColliderSettings belt;
+  belt.at.position = {0, -0.5F, 0};
+  belt.friction = 0.3F;
+  const ColliderId floor = *world.addCollider(BoxShape{{50, 0.5F, 50}}, belt);
+  BodySettings firm = placed(0, 0.151, 0);
+  firm.stiffness_scale = 5;
+  firm.friction = 0.3F;
+  const BodyId body = *world.addBody(asset, firm);
+  run(world, 3);
+  ASSERT_TRUE(world.isAsleep(body));
+  belt = world.colliderSettings(floor);
+  belt.surface_velocity = {20, 0, 0};
+  ASSERT_TRUE(world.setColliderSettings(floor, belt));
+  run(world, 1);
+  EXPECT_FALSE(world.isAsleep(body));
+  EXPECT_NEAR(motionOf(world, body).momentum[0] / motionOf(world, body).mass, 0.3 * 9.81, 0.15);
+  belt.surface_velocity = {std::numeric_limits<float>::quiet_NaN(), 0, 0};
+  EXPECT_FALSE(world.setColliderSettings(floor, belt));
+}
+
 TEST(Colliders, AMovingFloorTakesABodyAlong) {
   const auto asset = boxAsset(cube());
   World world;

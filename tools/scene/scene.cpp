@@ -322,6 +322,7 @@ ColliderId Scene::addDriven(std::size_t i, const RigidTransform& at) {
     const SceneScript::Solid& from = script_->script.colliders[i];
     settings.friction = float(from.friction);
     settings.restitution = float(from.restitution);
+    for (std::size_t c = 0; c < 3; ++c) settings.surface_velocity[c] = float(from.surface_velocity[c]);
     return addSolid(from.shape(), settings);
   }
   const Bounds bounds = drawnBounds(asset_->package().info(), placement_.position);

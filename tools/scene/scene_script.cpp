@@ -192,7 +192,7 @@ class Reader {
         R"(Write [{"sphere": {"radius": m}, "at": [x, y, z]}, ...]; shapes: plane, sphere, capsule, box, hull, mesh, heights.)";
     each(json, "/colliders",
          {"plane", "sphere", "capsule", "box", "hull", "mesh", "heights", "at", "axis", "point", "keys", "friction",
-          "restitution", "note"},
+          "restitution", "surface_velocity", "note"},
          [&](const Json& from, const std::string& here) {
            SceneScript::Solid solid;
            int shapes = 0;
@@ -210,6 +210,7 @@ class Reader {
            }
            solid.friction = number(from, here, "friction", 0.6, 0, kMostFriction);
            solid.restitution = number(from, here, "restitution", 0, 0, 1);
+           if (from.contains("surface_velocity")) solid.surface_velocity = point(from, here, "surface_velocity");
            script_.colliders.push_back(std::move(solid));
          });
   }

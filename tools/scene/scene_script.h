@@ -55,6 +55,7 @@ struct SceneScript {
     std::array<double, 3> at = {0, 0, 0};
     Target motion;  ///< of what is at `at`; no keys: it stands
     double friction = 0.6, restitution = 0;
+    std::array<double, 3> surface_velocity = {};  ///< m/s, along its axes
     ColliderShape shape() const;
   };
   /// One of several bodies, moved from where its source is.

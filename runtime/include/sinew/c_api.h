@@ -217,6 +217,8 @@ SINEW_API uint32_t sinew_body_exists(const sinew_world* world, uint32_t body);
 /* x becomes rotation x + translation; all else of the body's state turns along. */
 SINEW_API sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float rotation[9],
                                            const float translation[3]);
+/* Teleports a body to where its pins and pin sets have been told to go: after a jump of the skeleton that holds it. */
+SINEW_API sinew_status sinew_body_snap_to_pins(sinew_world* world, uint32_t body);
 
 /* Positions (m, world) and velocities (m/s) of the physical vertices, 3 * `*count` floats in place, valid until the
    next call on this world that is not const. */
@@ -258,11 +260,14 @@ SINEW_API sinew_status sinew_body_pin_set(sinew_world* world, uint32_t body, con
    whose last step stops before it by what is left over. */
 SINEW_API sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const float position[3],
                                           const float rotation[9]);
+/* Where it is in what is drawn. */
+SINEW_API sinew_status sinew_pin_set_drawn(const sinew_world* world, uint32_t pin_set, float position[3],
+                                           float rotation[9]);
 SINEW_API sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set);
 /* The pin set that the package names so; a body is held by all of them from the start (see sinew::World::pinSet). */
 SINEW_API sinew_status sinew_body_find_pin_set(const sinew_world* world, uint32_t body, const char* name,
                                                uint32_t* pin_set);
-/* Moves all of the package's pin sets that follow `target`: the motion of the rest shape, as a bone's skinning matrix.
+/* Moves all of the package's pin sets that follow `target`: the motion of the rest shape (see sinew::World::pinSet).
    SINEW_ERROR_ARGUMENT where none does. */
 SINEW_API sinew_status sinew_body_move_pin_target(sinew_world* world, uint32_t body, const char* target,
                                                   const float position[3], const float rotation[9]);
@@ -377,15 +382,16 @@ SINEW_API void sinew_shape_init(sinew_shape* shape, size_t struct_size);
 
 typedef struct sinew_collider_settings {
   uint32_t struct_size;
-  float position[3]; /* m; 0 0 0 */
-  float rotation[9]; /* proper; identity */
-  float friction;    /* Coulomb coefficient, 0..1e4; 0.6 */
-  float restitution; /* part of the speed that a free body leaves with, 0..1; 0 */
-  uint32_t layers;   /* as of a body; 1 */
-  uint32_t touches;  /* all */
-  float mass;        /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */
-  float inertia[3];  /* kg m^2, along its axes; 0: it does not turn about that; 0 0 0 */
-  float most_speed;  /* m/s, above 0, at which sinew_collider_move() is followed; infinity: in a step */
+  float position[3];         /* m; 0 0 0 */
+  float rotation[9];         /* proper; identity */
+  float friction;            /* Coulomb coefficient, 0..1e4; 0.6 */
+  float restitution;         /* part of the speed that a free body leaves with, 0..1; 0 */
+  uint32_t layers;           /* as of a body; 1 */
+  uint32_t touches;          /* all */
+  float mass;                /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */
+  float inertia[3];          /* kg m^2, along its axes; 0: it does not turn about that; 0 0 0 */
+  float most_speed;          /* m/s, above 0, at which sinew_collider_move() is followed; infinity: in a step */
+  float surface_velocity[3]; /* m/s, along its axes: a belt's; 0 0 0 */
 } sinew_collider_settings;
 
 SINEW_API void sinew_collider_settings_init(sinew_collider_settings* settings, size_t struct_size);
@@ -399,6 +405,14 @@ SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider
 /* Where it is after the last step: an engine's rigid body, which has given way, goes on from there. */
 SINEW_API sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, float position[3],
                                            float rotation[9]);
+/* Where it is in what is drawn. */
+SINEW_API sinew_status sinew_collider_drawn(const sinew_world* world, uint32_t collider, float position[3],
+                                            float rotation[9]);
+/* Changes all but position and rotation; get gives all that it has. */
+SINEW_API sinew_status sinew_collider_set_settings(sinew_world* world, uint32_t collider,
+                                                   const sinew_collider_settings* settings);
+SINEW_API sinew_status sinew_collider_get_settings(const sinew_world* world, uint32_t collider,
+                                                   sinew_collider_settings* settings);
 SINEW_API sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider);
 /* Bodies' impulse on it in the last step, N s, and its moment about the collider's position, N m s. */
 SINEW_API sinew_status sinew_collider_reaction(const sinew_world* world, uint32_t collider, float impulse[3],

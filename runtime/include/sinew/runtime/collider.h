@@ -84,6 +84,9 @@ struct ColliderSettings {
   /// Moments of inertia about the axes of `at`, whose origin is the centre of mass, kg m^2; 0: it does not turn about
   /// that axis.
   Vec3 inertia = {0, 0, 0};
+  /// Velocity of its surface against itself along its own axes, m/s, as a belt's: what touches it is taken along. What
+  /// points out of the surface does nothing.
+  Vec3 surface_velocity = {0, 0, 0};
 };
 
 /// Impulse of all bodies on a collider in the last step, or call of advance(): the contact forces times the step,

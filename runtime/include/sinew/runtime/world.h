@@ -150,6 +150,9 @@ class SINEW_API World {
   /// positions and all memory of forces turn along, so that it goes on as if it had always been there. \param rotation
   /// proper, within 1e-3 (made exact). \param translation metres, finite.
   void teleport(BodyId body, const Mat3& rotation, Vec3 translation);
+  /// Teleports a body by the rigid motion that takes what its pins and pin sets hold nearest to where their targets
+  /// would have it: after a jump of the skeleton. What bones have moved against one another is left for the next step.
+  void snapToPins(BodyId body);
 
   /// The state of a body as bytes: all that its further motion depends on but the world's settings. Restored into a
   /// body of the same package, in any world with the same settings, it goes on bit for bit as the saved one did. For
@@ -186,7 +189,8 @@ class SINEW_API World {
   /// Changes friction, layers, touches, self_contact, gravity_scale, drag and level; the others stay as they were given
   /// to addBody(). \return false, and nothing is done, where one is out of range.
   bool setBodySettings(BodyId body, const BodySettings& settings);
-  /// Stops a body or lets it go on: from rest where it was stopped and moved, else with the motion that it had.
+  /// Stops a body or lets it go on: from rest where it was stopped and moved, else with the motion that it had; where
+  /// its pins have been told to go meanwhile it goes with them first (snapToPins()).
   void setActivity(BodyId body, Activity activity);
   Activity activity(BodyId body) const;
 
@@ -195,8 +199,9 @@ class SINEW_API World {
   void step(float seconds);
   /// Advances all bodies by the time of a frame, however long, in substeps of WorldSettings::substep_seconds. What
   /// is left over counts for the next call, and what is drawn (visualVertices(), visualSubMesh(), visualBounds()) lies
-  /// between the last two substeps, so that nothing stutters and no motion depends on the rate of frames. All other
-  /// calls see the state after the last substep. Pin sets and pins reach their targets evenly over the substeps
+  /// between the last two substeps, one substep before the end of the frame, so that nothing stutters and no motion
+  /// depends on the rate of frames; drawnPose() is where pin sets and colliders are then. All other calls see the state
+  /// after the last substep. Pin sets and pins reach their targets evenly over the substeps
   /// of a call. \param seconds 0 .. 60; other values do nothing. \return substeps taken, perhaps none.
   std::uint32_t advance(float seconds);
 
@@ -243,12 +248,15 @@ class SINEW_API World {
   /// Moves the transform: reached at the end of the next step, or of the time of the next call of advance(), whose last
   /// step stops before it by what is left over. Ignored where it is not finite or not a proper rotation.
   void movePinSet(PinSetId set, const RigidTransform& to);
+  /// Where it is in what is drawn; of an unknown one the identity.
+  RigidTransform drawnPose(PinSetId set) const;
   void removePinSet(PinSetId set);
   /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
-  /// otherwise. Their transform is that of the rest shape: at {R, t} a vertex is held at R X + t, so a bone gives
-  /// (bone now) * (bone at rest)^-1, its skinning matrix. At the start it is where the body was added. A vertex of
-  /// several sets is held by the first (a bake leaves it to the firmest alone). \return an unknown id where there is
-  /// none, or where it was let go.
+  /// otherwise. Their transform is that of the rest shape: at {R, t} a vertex is held at R X + t, X in the package's
+  /// coordinates, those of the artist's model less PackageInfo::origin. A bone's skinning matrix {R, s}, (bone now) *
+  /// (bone at rest)^-1 in the model's coordinates, is {R, s + R origin}. At the start it is where the body was added. A
+  /// vertex of several sets is held by the first (a bake leaves it to the firmest alone). \return an unknown id where
+  /// there is none, or where it was let go.
   PinSetId pinSet(BodyId body, std::string_view name) const;
   /// movePinSet() for all of the package's pin sets that follow `target` (the recipe's: "world", a bone's name).
   /// \return how many there are.
@@ -269,6 +277,12 @@ class SINEW_API World {
   /// Where it is after the last step: not where it was told to go where it follows slowly or, having a mass, gives way.
   /// An engine's rigid body goes on from here.
   RigidTransform colliderPose(ColliderId collider) const;
+  /// Where it is in what is drawn.
+  RigidTransform drawnPose(ColliderId collider) const;
+  /// Of an unknown one the defaults.
+  ColliderSettings colliderSettings(ColliderId collider) const;
+  /// Changes all but `at`. \return false, and nothing is done, where one is out of range.
+  bool setColliderSettings(ColliderId collider, const ColliderSettings& settings);
   /// Bodies that touched it have an event of the end in the next step.
   void removeCollider(ColliderId collider);
   /// Bodies' impulse on it in the last step, or call of advance(). \param collider kGroundCollider too.
