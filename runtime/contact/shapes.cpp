@@ -155,7 +155,8 @@ double entryOfRound(const Vector3d& from, const Vector3d& way, double half, doub
   }
   const double side = lowerRoot(way.x() * way.x() + way.z() * way.z(), way.x() * from.x() + way.z() * from.z(),
                                 from.x() * from.x() + from.z() * from.z() - radius * radius);
-  if (std::isfinite(side) && std::abs(from.y() + side * way.y()) <= half) best = std::min(best, side);
+  // Beyond the ends a path may begin in the cylinder, which it went into before.
+  if (side >= 0 && std::isfinite(side) && std::abs(from.y() + side * way.y()) <= half) best = std::min(best, side);
   return best;
 }
 

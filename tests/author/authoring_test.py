@@ -385,6 +385,7 @@ class Pins(Folder):
                                                     "pins-hold-nothing", "B", ("rigid cluster 'bone'", "pins 'A'")),
             "under a copy": ([firm, ("B", self.slab(-1, 0.3))], (), "pins-hold-nothing", "B", ("pins 'A'", "minus")),
             "under a neighbour": ([firm, ("B", self.slab(0.1, 1.1))], (), "pins-overruled", "B", ("pins 'A'", "minus")),
+            "as springs": ([firm, ("B", {"scale": self.slab(1.6, 1.8), "by": 0.3})], (), "pins-loose", "B", ("firmly", "weight")),
             "both in one bone": ([firm, ("B", self.slab(0.8, 1.1))], bone, "cluster-held-by-several", "bone", ("'A' and 'B'",)),
         }
         for case, (pins, clusters, name, place, says) in cases.items():

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <map>
 
 #include "tools/import/visual_mesh.h"
@@ -79,11 +80,13 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
     std::size_t moved = 0;
     std::map<std::string, std::array<std::size_t, 2>> why;  // counts of all, and of meant ones
     std::size_t meant = 0;
+    double firmest = 0;
     for (std::size_t v = 0; v < holders.size(); ++v) {
       const double weight = sets[s].weights[v];
       if (weight < kMinimumPin) continue;
       ++selected;
       moved += mover[v] == s ? 1U : 0U;
+      firmest = std::max(firmest, mover[v] == s ? weight : 0.0);
       if (mover[v] == s) continue;
       const std::string other = "pins '" + sets[mover[v]].name + "'";
       std::array<std::size_t, 2>& counts =
@@ -94,6 +97,19 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
       if (weight < kMeant) continue;
       ++counts[1];
       ++meant;
+    }
+    if (moved > 0 && firmest < kMeant) {
+      char text[120];
+      std::snprintf(text, sizeof text, "' hold none of their %zu %s vertices firmly: the largest weight is %.2g",
+                    selected, vertices.c_str(), firmest);
+      findings.push_back({"pins-loose",
+                          Severity::warning,
+                          "pins '" + sets[s].name + text,
+                          selected,
+                          "",
+                          {},
+                          sets[s].name,
+                          "What weighs less than 1 follows as springs do. Select more, or raise tetrahedra.vertices."});
     }
     if (moved > 0 && meant == 0) continue;
     const bool nothing = moved == 0;
