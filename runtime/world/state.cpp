@@ -388,14 +388,17 @@ void World::Impl::snapToPins(Body& body) {
   to /= weight;
   both = both / weight - to * from.transpose() + 1e-6 * size2 * (turns + 1e-6 * Eigen::Matrix3d::Identity());
   const Eigen::Matrix3d r = geometry::nearestRotation(both);
-  displaced(body);
-  internal::Array<RigidTransform> targets(memory);
-  for (const internal::PinSet& set : body.pin_sets) targets.push_back(set.target);
-  internal::Array<Vec3> places(memory);
-  for (const internal::Pin& pin : body.pins) places.push_back(pin.target);
-  move(body, r, to - r * from);
-  for (std::size_t i = 0; i < targets.size(); ++i) body.pin_sets[i].target = targets[i];
-  for (std::size_t i = 0; i < places.size(); ++i) body.pins[i].target = places[i];
+  guarded("snapToPins", false, [&] {
+    internal::Array<RigidTransform> targets(memory);
+    for (const internal::PinSet& set : body.pin_sets) targets.push_back(set.target);
+    internal::Array<Vec3> places(memory);
+    for (const internal::Pin& pin : body.pins) places.push_back(pin.target);
+    displaced(body);
+    move(body, r, to - r * from);
+    for (std::size_t i = 0; i < targets.size(); ++i) body.pin_sets[i].target = targets[i];
+    for (std::size_t i = 0; i < places.size(); ++i) body.pins[i].target = places[i];
+    return true;
+  });
 }
 
 void World::Impl::move(Body& body, const Eigen::Matrix3d& r, const Eigen::Vector3d& t) {
