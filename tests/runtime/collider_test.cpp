@@ -466,26 +466,6 @@ TEST(Colliders, AColliderWithAMassGivesWay) {
   }
 }
 
-// Of a capsule's ends the cylinder between them is no part.
-TEST(Colliders, WhatLiesOnACapsulesEndStays) {
-  const auto asset = touchingBox({0.3, 0.3, 0.3}, 4);
-  for (const float radius : {2.0F, 10.0F, 30.0F}) {
-    for (const float h : {1.0F / 60, 1.0F / 120, 1.0F / 240}) {
-      World world;
-      ColliderSettings upright;
-      upright.at.position = {0, -radius - 3, 0};
-      ASSERT_TRUE(world.addCollider(CapsuleShape{radius, 3}, upright));
-      BodySettings firm = placed(0, 0.151, 0);
-      firm.stiffness_scale = 20;
-      const BodyId body = *world.addBody(asset, firm);
-      for (float t = 0; t < 3; t += h) world.step(h);
-      EXPECT_LT(std::hypot(motionOf(world, body).center[0], motionOf(world, body).center[2]), 0.01)
-          << radius << ' ' << h;
-      EXPECT_LT(rmsSpeed(world, body), 1e-3) << radius << ' ' << h;
-    }
-  }
-}
-
 /// A box of an engine, dropped onto a body that rests on the ground.
 struct Crate {
   /// \param part of the body's mass.

@@ -206,6 +206,18 @@ TEST(Shapes, AHeightFieldIsItsTriangles) {
   }
 }
 
+// Beyond an end of a capsule a path may lie in the cylinder between its ends, which it went into long before.
+TEST(Shapes, PathsBesideACapsulesEndsDoNotEnter) {
+  const Shape capsule = make(CapsuleShape{20, 5});
+  for (const double side : {-1.0, 1.0}) {
+    PathHit hit;
+    EXPECT_FALSE(capsule.enters({0.1, side * 25.01, 0}, {0.099, side * 25.0112, 0}, hit));
+    ASSERT_TRUE(capsule.enters({0.1, side * 25.01, 0}, {0.099, side * 24.99, 0}, hit));
+    EXPECT_GT(hit.part, 0);
+    EXPECT_GT(side * hit.normal[1], 0.99);
+  }
+}
+
 TEST(Shapes, ASheetHasNothingBehindItsRim) {
   const Mesh sheet = {{{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {1, 0, 1}}, {{0, 1, 2}, {2, 1, 3}}};
   const Shape shape = make(sheet.shape());
