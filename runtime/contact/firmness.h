@@ -26,8 +26,9 @@ inline constexpr double kPressedIn = 0.02;
 inline constexpr double kLeastGravity = 1;
 
 /// Times E sqrt(area) where a piece meets what stands, or moves as it is told. Points that are pressed alike give way
-/// as a layer sqrt(area) thick would, beside the give of the piece: a tenth of it where ten points lie side by side, as
-/// wide as a finger that squeezes it. What gives way itself (bodies, an engine's) is solved for in turns, and stays.
+/// as a layer of sqrt(area) / kFirmer, on both sides of what is squeezed: 2 sqrt(area) / (kFirmer L) of the give of a
+/// piece L thick, 2.5 % where it is ten points thick. What gives way itself (bodies, an engine's) is solved for in
+/// turns, and stays.
 inline constexpr double kFirmer = 8;
 
 /// kappa of a contact point, N/m. \param young of its piece, Pa. \param area of the surface that it stands for, m^2.

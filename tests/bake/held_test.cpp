@@ -33,6 +33,13 @@ double farFrom(const World& world, BodyId body, const Eigen::Matrix3d& rotation,
   return most / double(world.asset(body).package().info().diagonal);
 }
 
+WorldSettings weightless(std::uint32_t iterations) {
+  WorldSettings settings;
+  settings.gravity = {};
+  settings.iterations = iterations;
+  return settings;
+}
+
 class Held : public testing::TestWithParam<bool> {};
 
 // At a constant speed nothing pulls, however fast it is: whether or not pins of weights below 1 are springs.
@@ -41,10 +48,7 @@ TEST_P(Held, FleshGoesWithItsBones) {
   const double diagonal = double(asset->package().info().diagonal);
   for (const std::uint32_t iterations : {1U, 4U, 16U}) {
     for (const double speed : {0.01, 0.05, 0.2, 1.0}) {  // diagonals a step
-      WorldSettings settings;
-      settings.gravity = {};
-      settings.iterations = iterations;
-      World world(settings);
+      World world(weightless(iterations));
       const BodyId body = *world.addBody(asset);
       double way = 0;
       for (int i = 1; i <= 600; ++i) {
@@ -63,10 +67,7 @@ TEST_P(Held, FleshGoesWithItsBones) {
 TEST_P(Held, FleshTurnsWithItsBones) {
   const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
   for (const std::uint32_t iterations : {1U, 4U, 16U}) {
-    WorldSettings settings;
-    settings.gravity = {};
-    settings.iterations = iterations;
-    World world(settings);
+    World world(weightless(iterations));
     const BodyId body = *world.addBody(asset);
     double angle = 0;
     for (int i = 1; i <= 300; ++i) {
@@ -85,10 +86,8 @@ TEST_P(Held, ComesBackWhereItsBonesAre) {
   const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
   const Eigen::Matrix3d rotation = Eigen::AngleAxisd(2.5, Eigen::Vector3d(1, 2, 0.5).normalized()).toRotationMatrix();
   const Eigen::Vector3d place(30, 5, -12);
-  WorldSettings settings;
-  settings.gravity = {};
   for (const Activity off : {Activity::paused, Activity::disabled, Activity::active}) {
-    World world(settings);
+    World world(weightless(4));
     const BodyId body = *world.addBody(asset);
     for (int i = 0; i < 30; ++i) world.step(kStep);
     world.setActivity(body, off);
