@@ -200,6 +200,24 @@ sinew_status sinew_world_contact_events(const sinew_world* world, sinew_contact_
                  });
 }
 
+sinew_status sinew_world_contacts(const sinew_world* world, sinew_contact* contacts, uint32_t capacity,
+                                  uint32_t* count) {
+  return onWorld("sinew_world_contacts", world, count != nullptr && (contacts != nullptr || capacity == 0),
+                 [&](const sinew::World& w) {
+                   const std::span<const sinew::BodyContact> found = w.contacts();
+                   *count = uint32_t(found.size());
+                   for (std::size_t i = 0; i < std::min<std::size_t>(capacity, found.size()); ++i) {
+                     const sinew::BodyContact& from = found[i];
+                     sinew_contact& to = contacts[i];
+                     to = {from.body, from.collider.value, from.other, {}, {}, {}, from.speed};
+                     std::copy(from.point.begin(), from.point.end(), to.point);
+                     std::copy(from.normal.begin(), from.normal.end(), to.normal);
+                     std::copy(from.impulse.begin(), from.impulse.end(), to.impulse);
+                   }
+                   return SINEW_OK;
+                 });
+}
+
 sinew_status sinew_world_cast(const sinew_world* world, const float origin[3], float radius, const float direction[3],
                               float distance, const sinew_query_filter* filter, sinew_cast_hit* hit, uint32_t* found) {
   const bool all_given = origin != nullptr && direction != nullptr && hit != nullptr && found != nullptr;

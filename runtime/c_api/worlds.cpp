@@ -100,6 +100,8 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.collisions = s.collisions ? 1 : 0;
   std::copy(s.wind.begin(), s.wind.end(), result.wind);
   result.air_density = s.air_density;
+  result.ground_restitution = s.ground.restitution;
+  result.report_contacts = s.report_contacts ? 1 : 0;
   return result;
 }
 
@@ -119,6 +121,8 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.collisions = s.collisions != 0;
   result.wind = vec3(s.wind);
   result.air_density = s.air_density;
+  result.ground.restitution = s.ground_restitution;
+  result.report_contacts = s.report_contacts != 0;
 }
 
 // SINEW_OK where each value is in its range.

@@ -23,11 +23,12 @@ struct Pose {
 
 /// A body's effect on a collider in a step.
 struct ColliderTouch {
-  std::uint32_t collider;            ///< ColliderId
-  Vector3d impulse, torque;          ///< on the collider; N s, and N m s about its origin
-  Vector3d place;                    ///< sum of the contacts' loads times their places about its origin, N m
-  double load;                       ///< N
-  Vector3d push = Vector3d::Zero();  ///< impulse that it gave along the contacts' normals, N s
+  std::uint32_t collider;    ///< ColliderId
+  Vector3d impulse, torque;  ///< on the collider; N s, and N m s about its origin
+  Vector3d place;            ///< sum of the contacts' loads times their places about its origin, N m
+  double load;               ///< N
+  Vector3d push;             ///< impulse that it gave along the contacts' normals, N s
+  float speed;               ///< m/s at which the fastest point came that did not touch before
 };
 
 /// A collider as steps see it.

@@ -323,6 +323,7 @@ void findPointContacts(const Piece& piece, const ContactStep& step, TouchingPiec
       contact.at = points.placeOf(found.memory.point);
       contact.rest = found.place;
       contact.touch = std::uint32_t(i);
+      contact.speed = found.memory.speed;
       float* const row = scratch.rows.data() + std::size_t(field.k) * scratch.contacts.size();
       std::copy_n(list.rows.data() + found.row_b, field.k, row);
       contact.phi = row;

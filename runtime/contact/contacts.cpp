@@ -14,16 +14,6 @@ namespace {
 /// Candidates a contact point at most, on average.
 constexpr std::size_t kCandidates = 2;
 
-/// About a place near the piece: functions add up to 1 to the digits of floats only.
-Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center) {
-  Vector3d x = center;
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - field.oneOf(j) * center);
-  }
-  return x;
-}
-
-/// The same of velocities.
 Vector3d velocityOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& v) {
   Vector3d sum = Vector3d::Zero();
   for (std::uint32_t j = 0; j < field.k; ++j) sum += double(field.valueAtPoint(point, j)) * v.row(j).transpose();
@@ -173,10 +163,12 @@ class Search {
       const double reach = margin_ + (to - start).norm();
       NearPlace place = collider.shape.near(to, reach);
       if (place.distance < margin_) {
-        if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return false;  // it came from behind
         Vector3d at = to;
         if (touched == nullptr) {  // what began inside leaves from there: the prediction may lie beyond
           const NearPlace before = collider.shape.near(from, reach);
+          if (place.distance < 0 && before.distance < -kResolved * step_.diagonal && !collider.shape.isSolid()) {
+            return false;  // it came from behind
+          }
           if (before.distance < 0) place = before, at = from;
         }
         found.normal = place.normal;
@@ -308,6 +300,7 @@ class Search {
     contact.floor = float(std::min(0.0, low + kRecoverySpeed * step_.h * step_.diagonal));
     const double pressed_in = std::max(0.0, double(contact.floor) - gap_before);
     const double coming = touched == nullptr && gap < 0 ? comingOf(candidate, collider, before, normal) : 0;
+    contact.speed = float(std::max(0.0, coming));
     contact.gap = float(gap - double(contact.floor));
     // A constant of the point, whatever else touches: else what rests would be a spring that changes.
     const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal);
@@ -356,6 +349,15 @@ class Search {
 };
 
 }  // namespace
+
+// About a place near the piece: functions add up to 1 to the digits of floats only.
+Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center) {
+  Vector3d x = center;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - field.oneOf(j) * center);
+  }
+  return x;
+}
 
 bool areAllPlanes(std::span<const Collider* const> all) {
   return std::all_of(all.begin(), all.end(), [](const Collider* collider) { return collider->shape.isPlane(); });
@@ -562,7 +564,7 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
     if (!(gap < 0)) continue;  // damped, it springs back by itself
     if (touches.size() == first || touches.back().collider != collider.id) {
       const Vector3d none = Vector3d::Zero();
-      touches.push_back({collider.id, none, none, none, 0});
+      touches.push_back({collider.id, none, none, none, 0, none, 0});
     }
     const Vector3d impulse = seconds * pushForce(contact).pull.cast<double>();
     const double load = double(contact.kappa) * -double(gap);
@@ -572,6 +574,7 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
     touch.torque += (at - collider.pose.position).cross(impulse);
     touch.place += load * (at - collider.pose.position);
     touch.load += load;
+    touch.speed = std::max(touch.speed, contact.speed);
   }
   rememberOthers(piece, step, center, lent, *objective.scratch);
   if (given == nullptr || scratch.contacts.empty()) return;
@@ -581,7 +584,7 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
     const Contact& deepest = *std::min_element(scratch.contacts.begin(), scratch.contacts.end(), deeper);
     const Collider& collider = *step.colliders[deepest.collider];
     const Vector3d place = deepest.at - collider.pose.position;
-    touches.push_back({collider.id, Vector3d::Zero(), Vector3d::Zero(), place, 1});
+    touches.push_back({collider.id, Vector3d::Zero(), Vector3d::Zero(), place, 1, Vector3d::Zero(), 0});
   }
   // Momentum that minimizing left, by load.
   Vector3d left = *given;

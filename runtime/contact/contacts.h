@@ -62,6 +62,9 @@ struct ContactScratch {
   TouchList touches;                  ///< with points of colliders
 };
 
+/// Where a contact point of a field is. \param center near it.
+Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center);
+
 /// Memory of a point and a collider from the last step; null where they did not touch.
 const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point);
 

@@ -520,13 +520,7 @@ NearPlace Shape::nearTriangles(const Vector3d& p, double reach) const {
   if (kind_ == Kind::grid) {
     forEachTriangle({p.array() - reach, p.array() + reach}, look);
   } else {
-    const Eigen::Vector3f narrow = p.cast<float>();
-    descend(
-        [&](const Node& node) {
-          return double(boxOf(node).squaredExteriorDistance(narrow)) * (1 - 1e-6) <=
-                 best2 + double(slack_) * (double(slack_) + 2 * std::sqrt(best2));
-        },
-        [&](std::uint32_t t) { look(cornersOf(t), t); });
+    descendNear(p, best2, [&](std::uint32_t t) { look(cornersOf(t), t); });
   }
   if (triangle == kNone) return {kInfinity, Vector3d::UnitY()};
   bool border = false;

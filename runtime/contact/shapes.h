@@ -162,6 +162,37 @@ class Shape {
     }
   }
 
+  /// The same of those whose boxes lie within a squared distance of a place, the nearer half first. `visit` may lower
+  /// it.
+  template <class Visit>
+  void descendNear(const Vector3d& place, const double& bound2, const Visit& visit) const {
+    const Eigen::Vector3f p = place.cast<float>();
+    struct Waiting {
+      std::uint32_t node;
+      float distance2;
+    };
+    const auto waiting = [&](std::uint32_t node) {
+      return Waiting{node, boxOf(nodes_[node]).squaredExteriorDistance(p)};
+    };
+    Waiting stack[kDeepest];
+    std::uint32_t depth = 0;
+    if (!nodes_.empty()) stack[depth++] = waiting(0);
+    while (depth > 0) {
+      const Waiting next = stack[--depth];
+      const double room = double(slack_) * (double(slack_) + 2 * std::sqrt(bound2));
+      if (double(next.distance2) * (1 - 1e-6) > bound2 + room) continue;
+      const Node& node = nodes_[next.node];
+      if (node.right == 0) {
+        for (std::uint32_t t = node.first; t < node.first + node.count; ++t) visit(t);
+        continue;
+      }
+      const Waiting left = waiting(next.node + 1), right = waiting(node.right);
+      const bool left_first = left.distance2 <= right.distance2;
+      stack[depth++] = left_first ? right : left;
+      stack[depth++] = left_first ? left : right;
+    }
+  }
+
   // Halves of at most 2^24 triangles, one waiting on each level.
   static constexpr std::uint32_t kDeepest = 64;
 

@@ -328,7 +328,8 @@ class TouchSearch {
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance);
-    const Vector3f lies = at - fallOf(p, last);
+    point_fall_ = fallOf(p, last);
+    const Vector3f lies = at - point_fall_;
     // Bent parts of b may overlap where the rigid motion leads: what is known is looked for where it was.
     const auto isStill = [&] {
       place = Eigen::Map<const Vector3f>(last->anchor.data());
@@ -631,6 +632,9 @@ class TouchSearch {
     touch.before = slid - std::max(0.0F, t.floor - gap_before) * t.normal;
     touch.memory = key;
     touch.memory.parting = parts ? 1 : 0;
+    touch.memory.normal = {t.normal[0], t.normal[1], t.normal[2]};
+    // Without the fall of this step, which what holds them takes back.
+    if (!touched) touch.memory.speed = std::max(0.0F, touch.coming + t.normal.dot(point_fall_) / float(h_));
     if (touched) touch.memory.depth = last->depth, touch.memory.kappa = last->kappa;
     if (touch.held) touch.memory.anchor = last->anchor;
     // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
@@ -689,8 +693,9 @@ class TouchSearch {
   const float margin_;
   const Vector3f apart_, travel_;
   const bool is_fast_;
-  const Vector3f fall_;  ///< of a against b, where pins drive neither
-  const bool pins_;      ///< drive one that falls
+  const Vector3f fall_;                     ///< of a against b, where pins drive neither
+  const bool pins_;                         ///< drive one that falls
+  Vector3f point_fall_ = Vector3f::Zero();  ///< fallOf() the point
   const Vector3f low_, high_;
   Corners corners_;                  ///< of b
   MaterialPoint material_;           ///< of b, located last
@@ -756,6 +761,11 @@ TouchMemory rememberTouch(const FoundTouch& found, const Vector3f& moved) {
   const float lag = touch.normal.dot(touch.lag);
   memory.floor = touch.floor;
   memory.depth = -gap - lag;
+  Push push = touch;
+  push.way = moved;
+  push.pressed = touch.kappa * std::max(0.0F, -gap);
+  const Vector3f force = -pushForce(push).pull;
+  memory.force = {force[0], force[1], force[2]};
   // Friction holds at most its bound: beyond it the point it holds at comes along.
   const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);
   if (found.held && length <= most) return memory;

@@ -14,7 +14,7 @@
 
 namespace sinew::internal {
 
-/// The part of a touch that the next step needs.
+/// The part of a touch that the next step needs, and what World::contacts() tells of it.
 struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
   float floor;                                            ///< Push::floor, m
@@ -23,6 +23,9 @@ struct TouchMemory {
   std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
   std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
   std::uint32_t parting;                                  ///< 1: the two started inside one another, and it is still
+  std::array<float, 3> normal = {};                       ///< out of b, unit, world
+  std::array<float, 3> force = {};                        ///< on a's point in the step, N, world
+  float speed = 0;                                        ///< m/s at which it came, if it did not push before
 };
 
 /// A piece as contacts see it in a step.

@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "runtime/clusters/algebra.h"
+
 namespace sinew::internal {
 
 static_assert(sizeof(SamplePack) == sizeof(formats::FieldPack));
@@ -196,14 +198,20 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     next_mass += field.driven;
     field.driven_mass = driven_mass;
     double squared_masses = 0;
+    Vector3d moment = Vector3d::Zero();
     for (std::uint32_t v = 0; v < piece.vertex_count; ++v) {
-      const double mass = double(package.physicalVertices()[piece.first_vertex + v].mass);
+      const formats::PhysicalVertex& vertex = package.physicalVertices()[piece.first_vertex + v];
+      const double mass = double(vertex.mass);
+      const Vector3d at = asVector(vertex.rest_position).cast<double>();
       field.mass += mass;
+      moment += mass * at;
+      field.spread += mass * at.squaredNorm();
       squared_masses += mass * mass;
       for (std::uint32_t j = 0; j < field.driven; ++j) {
         driven_mass[j] += mass * double(field.valueAt(v, j));
       }
     }
+    field.spread -= moment.squaredNorm() / field.mass;
     double volume = 0, weighed = 0;
     for (const formats::FieldPack& pack : packs) {
       for (std::size_t lane = 0; lane < 8; ++lane) {
@@ -219,8 +227,8 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     field.apart = std::sqrt(field.apart);
     // Vertices count by their masses: mere carriers of accessories have next to none.
     const double wave = volume > 0 ? M_PI * std::cbrt(double(field.k) / volume) : 0;
-    const double vertex = volume * squared_masses / (field.mass * field.mass);
-    field.foundation = kFoundation * field.young * wave * wave * vertex;
+    const double of_one = volume * squared_masses / (field.mass * field.mass);
+    field.foundation = kFoundation * field.young * wave * wave * of_one;
   }
   if (!limited) limits.clear();
   return fields;

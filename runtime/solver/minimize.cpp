@@ -28,6 +28,8 @@ constexpr double kRough = 30;
 constexpr double kSufficient = 1e-4;
 /// Rounding of energies that are sums of floats, relative.
 constexpr double kEnergyNoise = 4e-6;
+/// Part of what friction allows at which all that slid in the last step begin.
+constexpr float kAtBound = 0.99F;
 
 using Four = Eigen::Array4f;
 
@@ -63,7 +65,10 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       prediction(memory),
       predicted_velocity(memory),
       external(memory),
-      forces(memory) {}
+      forces(memory),
+      spinning(memory),
+      tumbling(memory),
+      arms(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   const auto grow = [](auto& array, std::size_t count) {
@@ -84,7 +89,8 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   rigid.reserve(1, 0);
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
-  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces}) grow(*array, k);
+  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces, &spinning, &tumbling, &arms})
+    grow(*array, k);
 }
 
 void MinimizeScratch::reserveVectors(std::size_t size) {
@@ -255,7 +261,58 @@ double Objective::besideElastic(const float* d, float* gradient) const {
     squared += way.cast<double>().square();
     if (gradient != nullptr) Four::Map(gradient + i) += inertia * way;
   }
-  return 0.5 / (h * h) * ((squared[0] + squared[1]) + squared[2]) + external(d, gradient);
+  double total = 0.5 / (h * h) * ((squared[0] + squared[1]) + squared[2]) + external(d, gradient);
+  if (!momentum.isZero(0)) total += turning(d, gradient);
+  return total;
+}
+
+namespace {
+
+/// Rows r become relative to their mean. \return sum |r|^2 1 - r r^T.
+Matrix3d inertiaAboutMean(const Field& field, Array<Vector3d>& rows) {
+  Vector3d mean = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) mean += field.oneOf(j) * rows[j];
+  mean /= field.ones;
+  Matrix3d moment = Matrix3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    rows[j] -= field.oneOf(j) * mean;
+    moment += rows[j] * rows[j].transpose();
+  }
+  // A straight line has no inertia about itself.
+  return (moment.trace() * (1 + 1e-9)) * Matrix3d::Identity() - moment;
+}
+
+}  // namespace
+
+double Objective::turning(const float* d, float* gradient) const {
+  Array<Vector3d>& arms = scratch->arms;
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    arms[j] = scratch->spinning[j] + Eigen::Map<const Eigen::Vector3f>(d + 4 * j).cast<double>();
+  }
+  const Vector3d omega = inertiaAboutMean(*field, arms).inverse() * momentum;
+  double total = 0.5 * momentum.dot(omega);
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const Vector3d tumbles = scratch->tumbling[j];
+    total += tumbles.dot(Eigen::Map<const Eigen::Vector3f>(d + 4 * j).cast<double>());
+    if (gradient == nullptr) continue;
+    Eigen::Map<Eigen::Vector3f>(gradient + 4 * j) += (tumbles - omega.cross(arms[j].cross(omega))).cast<float>();
+  }
+  return total;
+}
+
+void Objective::spin(const Vector3d& in_world) {
+  Array<Vector3d>&arms = scratch->spinning, &tumbling = scratch->tumbling;
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    arms[j] = Eigen::Map<const Eigen::Vector3f>(scratch->shape.data() + 4 * j).cast<double>() + field->restOf(j) -
+              field->oneOf(j) * field->rest_center;
+  }
+  momentum = rotation.cast<double>().transpose() * in_world;
+  const Matrix3d inverse = inertiaAboutMean(*field, arms).inverse();
+  const Vector3d omega = inverse * momentum;
+  if (!(h * h * omega.squaredNorm() > kRounding)) momentum.setZero();
+  Vector3d torque = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field->k; ++j) torque += arms[j].cross(omega.cross(arms[j].cross(omega)));
+  for (std::uint32_t j = 0; j < field->k; ++j) tumbling[j] = (inverse * torque).cross(arms[j]);
 }
 
 void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Matrix3d& turned) {
@@ -391,11 +448,9 @@ double Objective::fallen2(const float* gradient) const {
   return h * h * h * h * pull.squaredNorm() / mass;
 }
 
-double Objective::size2() const { return dot(scratch->base.data(), scratch->base.data(), 4 * field->k); }
-
 double Objective::settled2(double way2) const {
   const double moves = kRounding * std::min(1.0, h * h * roughStiffness());
-  return kSettled * kSettled * way2 + moves * moves * size2();
+  return kSettled * kSettled * way2 + moves * moves * field->spread;
 }
 
 double Objective::roughStiffness() const {
@@ -595,6 +650,19 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
 
 namespace {
 
+/// Whether a piece slides as a whole: its contacts, where last evaluated, hold it by all that friction allows.
+bool slides(const Objective& objective) {
+  float held = 0, most = 0;
+  bool pushes = false;
+  for (const Contact& contact : objective.scratch->contacts) {
+    const float bound = contact.friction * contact.pressed;
+    held += std::min(contact.kappa * slideOf(contact).norm(), bound);
+    most += bound;
+    pushes = pushes || contact.pressed > 0;
+  }
+  return pushes && held >= kAtBound * most && objective.field->driven == 0;
+}
+
 constexpr std::uint32_t kOnly = 0;
 
 /// A piece as a Minimand of its own. \param pieces what it refers to.
@@ -619,7 +687,7 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pai
   return minimize(minimand, pairs, iterations, value);
 }
 
-bool slides(const Objective& objective) {
+bool maySlide(const Objective& objective) {
   const auto& contacts = objective.scratch->contacts;
   return objective.field->driven == 0 &&
          std::any_of(contacts.begin(), contacts.end(), [](const Contact& c) { return heldAcross(c) < 1; });
@@ -665,7 +733,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   findSlides();
   double energy_noise = 0;
   for (const Objective* piece : minimand.pieces) {
-    energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->size2();
+    energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->field->spread;
   }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);

@@ -66,6 +66,7 @@ struct Contact : Push {
   Vector3d at;             ///< where it meets the collider, at the prediction, m
   Eigen::Vector3f rest;    ///< rest place of its row, m
   std::uint32_t touch;     ///< in ContactScratch::touches, of a collider's point
+  float speed;             ///< m/s at which it came, where it did not touch before; else 0
   const float* phi;        ///< its row, k
   bool carries = true;     ///< the coarse level has it: see RigidCoupling::make()
 };
@@ -116,7 +117,8 @@ struct MinimizeScratch {
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
   Array<Vector3d> prediction, predicted_velocity, external;
-  Array<Vector3d> forces;  ///< at points, on each coefficient, N
+  Array<Vector3d> forces;                    ///< at points, on each coefficient, N
+  Array<Vector3d> spinning, tumbling, arms;  ///< of Objective::turning()
 };
 
 /// The step's objective, relative to its value at the prediction but for the elastic energy. Offsets, gradients and
@@ -132,6 +134,8 @@ struct Objective {
   Eigen::Matrix3f holds_rotation = Eigen::Matrix3f::Identity();  ///< of their frame in that of the piece
   bool has_offset = false;  ///< scratch.offset counts: the base is not where inertia alone would lead
   Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();  ///< of the piece
+  /// Angular momentum of what turns freely, in that frame, kg m^2/s; 0: it does not count.
+  Vector3d momentum = Vector3d::Zero();
   bool renewed = false;            ///< the first matrix is that of the shape where the minimization is
   bool renews = false;             ///< it is about to be made
   const float* system = nullptr;   ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
@@ -159,6 +163,12 @@ struct Objective {
   double besideElastic(const float* d, float* gradient) const;
   /// The springs' and contacts' part of it.
   double external(const float* d, float* gradient) const;
+  /// Energy of the turn, 1/2 L . I^-1 L (docs/method.md §3): its derivatives are the centrifugal forces, and a piece
+  /// that draws in pays for what its turn gains. Their torque, which tumbles it, is in the prediction already.
+  double turning(const float* d, float* gradient) const;
+  /// Gives it an angular momentum, if its centrifugal forces are more than what floats round. \pre setFrame().
+  /// \param in_world kg m^2/s.
+  void spin(const Vector3d& in_world);
   /// Holds' part of it, beyond their pull at the prediction.
   double held(const float* d, float* gradient) const;
   /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the
@@ -177,8 +187,6 @@ struct Objective {
   /// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
   /// way from the prediction.
   double settled2(double way2) const;
-  /// Squared length of the prediction about its centre.
-  double size2() const;
   /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
   double roughStiffness() const;
 };
@@ -249,8 +257,8 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
 Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
                           Objective::Value start);
 
-/// Whether a contact of a piece alone slides (heldAcross()) under the load that it has.
-bool slides(const Objective& objective);
+/// Whether a contact of a piece alone would slide (heldAcross()) under the load that it has.
+bool maySlide(const Objective& objective);
 /// Where a piece comes to from an offset as if it were rigid, under the loads that its contacts have. \param gradient
 /// there. \param[out] to not d.
 void slide(Objective& objective, const float* d, const float* gradient, float* to);

@@ -197,8 +197,13 @@ void PieceStep::reserveSystem(std::size_t rows) {
 
 void PieceStep::prepareTogether(std::span<TouchRow> rows) {
   objective_.touch_rows = rows;
-  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
+  setFrame();
   useRestSystem(objective_, piece_.system);
+}
+
+void PieceStep::setFrame() {
+  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
+  if (field_.driven == 0 && !stands() && !(springs_ && two_step_)) objective_.spin(momentum_);
 }
 
 void PieceStep::oldPlace(float* d) const {
@@ -334,10 +339,12 @@ void PieceStep::findMotion(const Vector3d& center) {
     turn_ = turnBy(h_ / parts * omega) * before;
   }
   omega_after_ = turn_ * solved(inertia, turn_.transpose() * momentum);
+  momentum_ = keptOfTurns() * momentum;
 }
 
-/// Part of a turn that a step leaves of it.
+/// Part of a turn that a step leaves of it. Pin sets turn what they drive as they turn themselves.
 double PieceStep::keptOfTurns() const {
+  if (field_.driven > 0) return 1;
   const bool supported = springs_ || leaned();
   return std::exp(-double(settings_.damping) * h_) *
          (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
@@ -432,14 +439,33 @@ void PieceStep::predict() {
       const Vector3d old = z_before.row(j).transpose() - one * mean_before;
       speed += turning * (now * omega.cross(arm) - before * omega_before.cross(old));
     }
-    const Vector3d turned = turn * (shape + effective_h_ * speed);
-    s_.prediction[j] = one * center_ + turned;
-    s_.predicted_velocity[j] = one * rigid_velocity_ + turn * speed;
-    if (turns) s_.predicted_velocity[j] += rigid_omega_.cross(Vector3d(turn * arm));
+    s_.prediction[j] = shape + effective_h_ * speed;
+    s_.predicted_velocity[j] = speed;
+  }
+  if (turns && field_.driven > 0) spread();
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    const double one = field_.oneOf(j);
+    s_.prediction[j] = one * center_ + turn * s_.prediction[j];
+    s_.predicted_velocity[j] = one * rigid_velocity_ + turn * s_.predicted_velocity[j];
+    if (turns) {
+      const Vector3d arm = z.row(j).transpose() - one * rigid_.center;
+      s_.predicted_velocity[j] += rigid_omega_.cross(Vector3d(turn * arm));
+    }
     if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
   }
   if (forced_) addForces();
   setBase();
+}
+
+// In the frame that turns with what drives the piece: the centrifugal force w^2 r, where inertia leads.
+void PieceStep::spread() {
+  // Explicit: of more than a radian a step it is what that brings.
+  const double turn2 = h_ * h_ * rigid_.omega.squaredNorm(), step = effective_h_ / std::max(1.0, turn2);
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    const Vector3d out = step * rigid_.omega.cross(s_.prediction[j].cross(rigid_.omega));
+    s_.prediction[j] += effective_h_ * out;
+    s_.predicted_velocity[j] += out;
+  }
 }
 
 /// Of a free piece what moves it as a whole is in its motion already.
@@ -538,7 +564,7 @@ Pairs& PieceStep::carriedPairs() {
 }
 
 void PieceStep::solve() {
-  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
+  setFrame();
   useRestSystem(objective_, piece_.system);
   std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
@@ -579,7 +605,7 @@ void PieceStep::solve() {
     std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
     objective_.press(s_.old.data());
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
-    if (slides(objective_)) {
+    if (maySlide(objective_)) {
       // What slides goes on as a whole, under the loads that it had.
       const Objective::Value still = objective_.at(s_.old.data(), s_.next_gradient.data(), false);
       slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());

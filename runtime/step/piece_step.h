@@ -123,9 +123,16 @@ class PieceStep {
   /// piece.
   void predict();
 
+  /// Centrifugal forces of what pin sets turn. \pre prediction and predicted velocity are arms and speeds in their
+  /// frame.
+  void spread();
+
   void addForces();
 
   void setBase();
+
+  /// The frame of the objective, and the turn that counts there.
+  void setFrame();
 
   void findObjective();
   void findExternal();
@@ -161,6 +168,9 @@ class PieceStep {
   /// The rigid motion that minimizing, in floats, has lost is put back: a minimum has the prediction's centre.
   void keepMomentum(CoefficientMap& z, CoefficientMap& v) const;
 
+  /// Where the centre of mass of what is free comes to.
+  Vector3d centerAfter() const;
+
   Vector3d angularMomentumBefore() const;
 
   /// A free piece never has more energy than when something last acted on it.
@@ -192,6 +202,7 @@ class PieceStep {
   Vector3d moved_ = Vector3d::Zero();        ///< of the rest shape, with that frame
   Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
   Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s
+  Vector3d momentum_ = Vector3d::Zero();     ///< angular, of what no pin set drives, after it, kg m^2/s
   double effective_h_ = 0;
   Vector3d center_ = Vector3d::Zero();  ///< that floats are relative to
   Vector3d rigid_velocity_ = Vector3d::Zero(), rigid_omega_ = Vector3d::Zero();

@@ -4,9 +4,24 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/contact/contacts.h"
+#include "runtime/step/rigid.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
+
+void internal::ContactSum::add(const ContactSum& other) {
+  impulse += other.impulse;
+  push += other.push;
+  place += other.place;
+  load += other.load;
+  speed = std::max(speed, other.speed);
+}
+
+BodyContact internal::ContactSum::told() const {
+  const auto narrow = [](const Vector3d& v) { return Vec3{float(v[0]), float(v[1]), float(v[2])}; };
+  return {key[0], ColliderId{key[1]}, key[2], narrow(place / load), narrow(push.normalized()), narrow(impulse), speed};
+}
 
 std::pair<internal::Collider*, std::size_t> World::Impl::locate(ColliderId id) {
   const auto comes_before = [](const internal::Collider& collider, std::uint32_t value) { return collider.id < value; };
@@ -22,6 +37,8 @@ const internal::Collider* World::Impl::colliderOf(std::uint32_t id) const {
 
 void World::Impl::forgetTouches() {
   events.clear();
+  contact_sums.clear();
+  contacts.clear();
   for (internal::Collider* collider = colliders.begin(); collider != colliders.end(); ++collider) {
     collider->impulse.setZero();
     collider->torque.setZero();
@@ -51,6 +68,61 @@ void World::Impl::gatherTouches(double seconds) {
     missing(touched, body->touched, true);
     body->touched.assign({touched.data(), touched.size()});
   }
+}
+
+void World::Impl::gatherContacts(double seconds) {
+  const auto add = [this](const internal::ContactSum& sum) {
+    if (sum.load > 0) contact_sums.push_back(sum);
+  };
+  for (const internal::BodyPointer& body : bodies) {
+    const double part = body->touches_in > 0 ? seconds / body->touches_in : 1;
+    for (const internal::ColliderTouch& touch : body->touches) {
+      const internal::Collider& collider = *colliderOf(touch.collider);
+      const Eigen::Vector3d at = collider.pose.position + touch.place / touch.load;
+      add({{body->id, touch.collider, formats::kNone},
+           -part * touch.impulse,
+           part * touch.push,
+           part * touch.push.norm() * at,
+           part * touch.push.norm(),
+           body->asleep() ? 0 : touch.speed});
+    }
+  }
+  internal::forEachPair(
+      {together.touching.data(), together.touching.size()}, [&](std::span<const internal::TouchMemory> touches) {
+        const internal::TouchMemory& first = touches[0];
+        const auto place = [this](std::uint32_t id) { return locate(BodyId{id}).first; };
+        const internal::Body *const a = place(first.body_a), *const b = place(first.body_b);
+        if (a == nullptr || b == nullptr) return;
+        const internal::Piece& piece = a->pieces[first.piece_a];
+        const Eigen::Vector3d center = internal::meanOf(piece.field(), piece.z());
+        const double sign = first.body_a < first.body_b ? 1 : first.body_a > first.body_b ? -1 : 0;
+        internal::ContactSum sum = {
+            {std::min(first.body_a, first.body_b), formats::kNone, std::max(first.body_a, first.body_b)}};
+        for (const internal::TouchMemory& touch : touches) {
+          const Eigen::Vector3d force = internal::asVector(touch.force).cast<double>(),
+                                normal = internal::asVector(touch.normal).cast<double>();
+          const double load = seconds * normal.dot(force);
+          if (!(load > 0)) continue;
+          sum.impulse += sign * seconds * force;
+          sum.push += sign * load * normal;
+          sum.place += load * internal::positionOf(piece.field(), touch.point, piece.z(), center);
+          sum.load += load;
+          if (!a->asleep()) sum.speed = std::max(sum.speed, touch.speed);
+        }
+        add(sum);
+      });
+  std::sort(contact_sums.begin(), contact_sums.end(), [](const auto& x, const auto& y) { return x.key < y.key; });
+  std::size_t kept = 0;
+  for (const internal::ContactSum& sum : contact_sums) {
+    if (kept == 0 || contact_sums[kept - 1].key != sum.key) {
+      contact_sums[kept++] = sum;
+    } else {
+      contact_sums[kept - 1].add(sum);
+    }
+  }
+  contact_sums.truncate(kept);
+  contacts.clear();
+  for (const internal::ContactSum& sum : contact_sums) contacts.push_back(sum.told());
 }
 
 void World::Impl::findTouching() {
@@ -181,6 +253,12 @@ std::span<const ContactEvent> World::contactEvents() const {
   const Impl::Presence presence(*impl_, "contactEvents", Impl::As::looks);
   if (!presence) return {};
   return {impl_->events.data(), impl_->events.size()};
+}
+
+std::span<const BodyContact> World::contacts() const {
+  const Impl::Presence presence(*impl_, "contacts", Impl::As::looks);
+  if (!presence) return {};
+  return {impl_->contacts.data(), impl_->contacts.size()};
 }
 
 }  // namespace sinew

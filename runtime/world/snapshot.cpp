@@ -20,7 +20,7 @@ using internal::Piece;
 namespace {
 
 constexpr std::array<char, 4> kMagic = {'S', 'N', 'W', 'W'};
-constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kVersion = 4;
 
 struct Header {
   std::array<char, 4> magic;
@@ -39,6 +39,8 @@ struct SavedSettings {
   std::uint32_t ground, collisions, iterations, most_substeps;
   std::array<float, 8> rates;
   Vec3 wind;
+  float restitution;
+  std::uint32_t report_contacts;
 };
 
 SavedSettings saved(const WorldSettings& s) {
@@ -52,13 +54,16 @@ SavedSettings saved(const WorldSettings& s) {
       s.iterations,
       s.most_substeps,
       {s.sleep_seconds, s.damping, s.deformation_damping_ratio, s.support_damping, s.substep_seconds, s.air_density},
-      s.wind};
+      s.wind,
+      s.ground.restitution,
+      s.report_contacts ? 1U : 0U};
 }
 
 WorldSettings restored(const SavedSettings& s) {
   WorldSettings r;
   r.gravity = s.gravity;
-  r.ground = {s.ground != 0, s.normal, s.offset, s.friction};
+  r.ground = {s.ground != 0, s.normal, s.offset, s.friction, s.restitution};
+  r.report_contacts = s.report_contacts != 0;
   r.collisions = s.collisions != 0;
   r.iterations = s.iterations;
   r.most_substeps = s.most_substeps;
@@ -86,8 +91,9 @@ struct SavedBody {
 };
 
 struct SavedTouch {
-  std::uint32_t collider, reserved;
-  std::array<double, 10> values;  ///< impulse, torque, place, load
+  std::uint32_t collider;
+  float speed;
+  std::array<double, 13> values;  ///< impulse, torque, place, push, load
 };
 
 /// The factor of a piece that touches others: steps share it while the same points touch, though their rows change.
@@ -250,10 +256,11 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
     out.size += std::size_t(state_bytes);
     out.put(body->touched.data(), body->touched.size());
     for (const internal::ColliderTouch& t : body->touches) {
-      out.put(SavedTouch{t.collider,
-                         0,
-                         {t.impulse[0], t.impulse[1], t.impulse[2], t.torque[0], t.torque[1], t.torque[2], t.place[0],
-                          t.place[1], t.place[2], t.load}});
+      SavedTouch saved_touch = {t.collider, t.speed, {}};
+      double* at = saved_touch.values.data();
+      for (const Eigen::Vector3d* v : {&t.impulse, &t.torque, &t.place, &t.push}) at = std::copy_n(v->data(), 3, at);
+      *at = t.load;
+      out.put(saved_touch);
     }
     for (const Piece& piece : body->pieces) {
       const internal::SystemFactor& factor = piece.system;
@@ -446,6 +453,8 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
         impl_->bodies.swap(bodies);
         impl_->colliders.swap(colliders);
         impl_->events.clear();
+        impl_->contact_sums.clear();
+        impl_->contacts.clear();
         impl_->visual.invalidate();
         // Ids are free for their saved owners.
         for (const internal::BodyPointer& body : impl_->bodies) {
@@ -490,7 +499,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
               return Eigen::Vector3d(from.values[k], from.values[k + 1], from.values[k + 2]);
             };
             if (impl_->colliderOf(from.collider) == nullptr) continue;
-            body.touches.push_back({from.collider, at(0), at(3), at(6), from.values[9]});
+            body.touches.push_back({from.collider, at(0), at(3), at(6), from.values[12], at(9), from.speed});
           }
           for (Piece& piece : body.pieces) {
             const auto factor = factors.get<SavedFactor>();

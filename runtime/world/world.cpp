@@ -32,6 +32,8 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
       colliders(memory),
       met(memory),
       events(memory),
+      contact_sums(memory),
+      contacts(memory),
       touched(memory),
       touching(memory),
       touching_before(memory),
@@ -196,7 +198,7 @@ constexpr float kLongestStep = 60;
 bool actsAlike(const WorldSettings& a, const WorldSettings& b) {
   const GroundPlane &one = a.ground, &other = b.ground;
   const bool same_ground = one.enabled == other.enabled && one.normal == other.normal && one.offset == other.offset &&
-                           one.friction == other.friction;
+                           one.friction == other.friction && one.restitution == other.restitution;
   return a.gravity == b.gravity && a.wind == b.wind && a.air_density == b.air_density && same_ground &&
          a.collisions == b.collisions && (a.sleep_seconds > 0) == (b.sleep_seconds > 0);
 }
@@ -231,6 +233,8 @@ CheckedSettings checked(const WorldSettings& given) {
   check("deformation_damping_ratio", ratio >= 0 && ratio <= 1, s.deformation_damping_ratio, ratio > 1 ? 1.0F : 0.0F);
   in_range("support_damping", s.support_damping);
   in_range("ground.friction", s.ground.friction);
+  const float bounce = s.ground.restitution;
+  check("ground.restitution", bounce >= 0 && bounce <= 1, s.ground.restitution, bounce > 1 ? 1.0F : 0.0F);
   in_range("sleep_seconds", s.sleep_seconds);
   check("wind", usable(s.wind), s.wind, Vec3{0, 0, 0});
   in_range("air_density", s.air_density);
@@ -438,6 +442,7 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   if (sound.ground.enabled) {
     ground.shape = internal::Shape(PlaneShape{sound.ground.normal, sound.ground.offset}, memory);
     ground.settings.friction = sound.ground.friction;
+    ground.settings.restitution = sound.ground.restitution;
     met.push_back(&ground);
   }
   for (const internal::Collider& collider : colliders) met.push_back(&collider);
@@ -449,6 +454,7 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   }
   gatherTouches(seconds);
   if (awake) tellTouching();
+  if (sound.report_contacts) gatherContacts(seconds);
   for (internal::Collider& collider : colliders) {
     collider.giveWay(collider.impulse - collider.impulse_before, collider.torque - collider.torque_before, seconds,
                      seconds / share - seconds);

@@ -30,6 +30,20 @@ bool isProper(const Mat3& rotation);
 bool isProper(const RigidTransform& transform);
 /// What is wrong with them, or null.
 const char* faultOf(const ColliderSettings& settings);
+
+/// What World::contacts() tells of a pair.
+struct ContactSum {
+  std::array<std::uint32_t, 3> key;     ///< body, collider, second body
+  Vector3d impulse = Vector3d::Zero();  ///< on the body, N s
+  Vector3d push = Vector3d::Zero();     ///< the same without friction
+  Vector3d place = Vector3d::Zero();    ///< loads times where they push, N s m
+  double load = 0;                      ///< along the normals, N s
+  float speed = 0;                      ///< Contact::speed
+
+  void add(const ContactSum& other);
+  BodyContact told() const;
+};
+
 /// Why saved bytes cannot be restored into a body; empty if they can.
 const char* faultOfState(std::span<const std::byte> bytes, const Body& body);
 /// Why settings that may change are refused; null if they are not.
@@ -144,6 +158,8 @@ struct SINEW_HIDDEN World::Impl {
   void forgetTouches();
   /// Reactions and events of a step. May throw std::bad_alloc.
   void gatherTouches(double seconds);
+  /// Adds a step's to `contacts`. May throw std::bad_alloc.
+  void gatherContacts(double seconds);
   /// Pairs of bodies that push each other, into `touching`.
   void findTouching();
   /// Events of what findTouching() finds, against what it found before. May throw std::bad_alloc.
@@ -218,6 +234,8 @@ struct SINEW_HIDDEN World::Impl {
   internal::OwningArray<internal::Collider> colliders;  ///< ids ascending
   internal::Array<const internal::Collider*> met;       ///< by a step: the ground and they
   internal::Array<ContactEvent> events;
+  internal::Array<internal::ContactSum> contact_sums;        ///< of the step, or the call of advance(), in order
+  internal::Array<BodyContact> contacts;                     ///< the same as World::contacts() tells it
   internal::Array<std::uint32_t> touched;                    ///< scratch
   internal::Array<std::uint64_t> touching, touching_before;  ///< ids of two bodies, the lower one in the high half
   double left_over = 0;             ///< time that advance() was given and no substep has taken yet, s

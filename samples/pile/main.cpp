@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
   // 1. A world in which bodies touch each other and fall asleep where they rest, in two threads.
   sinew::ThreadPool pool(2);
   sinew::WorldSettings settings;
-  settings.ground.enabled = settings.collisions = true;
+  settings.ground.enabled = settings.collisions = settings.report_contacts = true;
   settings.sleep_seconds = 0.5F;
   sinew::World world(settings, &pool);
 
@@ -70,8 +70,8 @@ int main(int argc, char** argv) {
     if (frame == 700) world.setActivity(bodies[0], sinew::Activity::paused);
     if (frame == 750 && !world.restoreSnapshot(snapshot)) return 3;  // as it was at frame 450
     world.advance(1.0F / 60);
-    for (const sinew::ContactEvent& event : world.contactEvents()) {
-      if (event.collider == *hand && event.began) std::printf("frame %d: the hand hits body %u\n", frame, event.body);
+    for (const sinew::BodyContact& hit : world.contacts()) {
+      if (hit.collider == *hand && hit.speed > 1) std::printf("%d: %.0f m/s at body %u\n", frame, hit.speed, hit.body);
     }
     const auto sleeping = std::count_if(bodies.begin(), bodies.end(), [&](auto id) { return world.isAsleep(id); });
     if (frame % 150 == 0) std::printf("frame %d: %d of %d asleep\n", frame, int(sleeping), count);

@@ -81,6 +81,66 @@ TEST_P(Held, FleshTurnsWithItsBones) {
   }
 }
 
+// Across its own axis, at all steps alike: pulled out by w^2 r, and else where its bones have it.
+TEST_P(Held, FleshIsWhereItsBonesTurnIt) {
+  const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));
+  std::vector<Eigen::Vector3d> tips;
+  for (const float h : {1.0F / 60, 1.0F / 240, 1.0F / 1000}) {
+    World world(weightless(4));
+    const BodyId body = *world.addBody(asset);
+    const double speed = 6;
+    double angle = 0, seconds = 0;
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    while (seconds < 5) {
+      seconds += double(h);
+      angle += std::min(1.0, seconds) * speed * double(h);
+      rotation = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+      world.movePinTarget(body, "world", transformOf(rotation, Eigen::Vector3d::Zero()));
+      world.step(h);
+    }
+    Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+    int count = 0;
+    const auto vertices = asset->package().physicalVertices();
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+      if (vertices[i].rest_position[0] < 0.499F) continue;
+      tip += wide(world.positions(body)[i]);
+      ++count;
+    }
+    tips.push_back(rotation.transpose() * tip / count);
+    EXPECT_NEAR(tips.back()[2], 0, 0.01) << h;
+    EXPECT_NEAR(tips.back()[1], 0, 1e-3) << h;
+    EXPECT_GT(tips.back()[0], 0.501) << h;
+    EXPECT_LT((tips.back() - tips.front()).norm(), 2e-3) << h;
+  }
+}
+
+// A shape's size says when it has settled, whatever the units of what drives it: a vessel of a millimetre hangs and
+// comes back as a bar of a metre does.
+TEST(Held, SmallOnesBendAsLargeOnesDo) {
+  std::vector<double> sags;
+  for (const double length : {1.0, 0.01, 0.001}) {
+    // The same shape under the same load: frequencies by the root of the length.
+    const auto asset = *Asset::fromMemory(
+        fieldBar({.pinned = true, .hz = float(20 / std::sqrt(length)), .length = length}));
+    WorldSettings settings;
+    World world(settings);
+    const BodyId body = *world.addBody(asset);
+    const auto sag = [&] {
+      double low = 0;
+      for (const Vec3& x : world.positions(body)) low = std::min(low, double(x[1]));
+      return -low / length - 0.1;
+    };
+    const double h = double(kStep) * std::sqrt(length);
+    for (int i = 0; i < 600; ++i) world.step(float(h));
+    sags.push_back(sag());
+    EXPECT_GT(sags.back(), 5e-3) << length;
+    EXPECT_NEAR(sags.back() / sags.front(), 1, 0.01) << length;
+    world.settings().gravity = {};
+    for (int i = 0; i < 1200; ++i) world.step(float(h));
+    EXPECT_LT(std::abs(sag()), 0.005 * sags.back()) << length;
+  }
+}
+
 // A skeleton that has gone on while its flesh was off screen, or that jumps at a cut.
 TEST_P(Held, ComesBackWhereItsBonesAre) {
   const auto asset = *Asset::fromMemory(fieldBar({.pinned = true, .soft = GetParam(), .hz = 8}));

@@ -476,10 +476,15 @@ static void testColliders(const sinew_asset* asset) {
   sinew_query_filter filter;
   sinew_query_object objects[4];
   sinew_contact_event events[4];
+  sinew_contact contacts[4];
+  sinew_world_settings world_settings;
   sinew_cast_hit hit;
   float low[3], high[3], impulse[3], torque[3], above[3], at[3] = {0, 0, 0}, half[3], pushed = 0;
   uint32_t body, floor, other, count, i, kind, began = 0;
-  CHECK_OK(sinew_world_create(NULL, NULL, &world));
+  sinew_world_settings_init(&world_settings, sizeof world_settings);
+  CHECK(world_settings.report_contacts == 0 && world_settings.ground_restitution == 0);
+  world_settings.report_contacts = 1;
+  CHECK_OK(sinew_world_create(&world_settings, NULL, &world));
   sinew_body_settings_init(&body_settings, sizeof body_settings);
   CHECK(body_settings.friction < 0 && body_settings.layers == 1 && body_settings.touches == 0xffffffffu);
   body_settings.package_pins = 0;
@@ -505,6 +510,11 @@ static void testColliders(const sinew_asset* asset) {
       began = 1;
     CHECK_OK(sinew_collider_reaction(world, floor, impulse, torque));
     pushed += impulse[1];
+    CHECK_OK(sinew_world_contacts(world, contacts, 4, &count));
+    CHECK(count == (impulse[1] != 0 ? 1 : 0));
+    if (count == 1)
+      CHECK(contacts[0].body == body && contacts[0].collider == floor && contacts[0].other == SINEW_NONE &&
+            contacts[0].impulse[1] == -impulse[1] && contacts[0].normal[1] > 0.9f && contacts[0].speed >= 0);
   }
   CHECK(began == 1);
   CHECK(pushed < 0); /* the floor is pressed down */
@@ -580,6 +590,7 @@ static void testColliders(const sinew_asset* asset) {
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_reaction(world, floor, impulse, torque));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_cast(world, above, 0, down, 100, NULL, NULL, &count));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_contact_events(world, NULL, 4, &count));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_contacts(world, NULL, 4, &count));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_overlaps_sphere(NULL, at, 1, NULL, NULL, 0, &count));
   sinew_world_destroy(world);
 }

@@ -336,6 +336,7 @@ std::vector<Call> callsOf(const std::shared_ptr<const Asset>& asset) {
       {"colliderPose", Does::looks, [=](World& w) { static_cast<void>(w.colliderPose(collider)); }},
       {"colliderReaction", Does::looks, [](World& w) { static_cast<void>(w.colliderReaction(kGroundCollider)); }},
       {"contactEvents", Does::looks, [](World& w) { static_cast<void>(w.contactEvents()); }},
+      {"contacts", Does::looks, [](World& w) { static_cast<void>(w.contacts()); }},
       {"clusterRestShape", Does::looks, [=](World& w) { static_cast<void>(w.clusterRestShape(body, 0)); }},
   };
 }

@@ -156,6 +156,8 @@ typedef struct sinew_world_settings {
   uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
   float wind[3];                   /* velocity of the air, m/s; 0 0 0 */
   float air_density;               /* kg/m^3, 0..1e4; 1.2 */
+  float ground_restitution;        /* speed of a free body as it leaves, of that at which it came, 0..1; 0 */
+  uint32_t report_contacts;        /* 0 or 1: whether sinew_world_contacts() is kept; 0 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
@@ -427,6 +429,21 @@ typedef struct sinew_contact_event {
 /* Which pairs began or ceased to touch in the last step, as many as fit into `capacity`. count: how many there are. */
 SINEW_API sinew_status sinew_world_contact_events(const sinew_world* world, sinew_contact_event* events,
                                                   uint32_t capacity, uint32_t* count);
+
+typedef struct sinew_contact {
+  uint32_t body;     /* a body and what pushed it */
+  uint32_t collider; /* SINEW_NONE: of two bodies */
+  uint32_t other;    /* second body, the same one of what touches itself; SINEW_NONE: of a collider */
+  float point[3];    /* mean of the places where they push, by how hard they do, metres, world */
+  float normal[3];   /* unit, the way in which `body` is pushed, without friction */
+  float impulse[3];  /* on `body`, friction included, N s; of what touches itself 0 */
+  float speed;       /* m/s at which the fastest of the places that began to touch came; 0 where none did */
+} sinew_contact;
+
+/* All that pushed a body in the last step, once for each pair, as many as fit into `capacity`. count: how many there
+   are; none without sinew_world_settings.report_contacts. */
+SINEW_API sinew_status sinew_world_contacts(const sinew_world* world, sinew_contact* contacts, uint32_t capacity,
+                                            uint32_t* count);
 
 typedef struct sinew_query_filter {
   uint32_t struct_size;

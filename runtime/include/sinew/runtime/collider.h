@@ -105,4 +105,16 @@ struct ContactEvent {
   std::uint32_t other = formats::kNone;  ///< BodyId of the second body, the same one of what touches itself
 };
 
+/// A body and what it touched in the last step, or call of advance(): a collider or another body.
+struct BodyContact {
+  std::uint32_t body = formats::kNone;   ///< BodyId
+  ColliderId collider;                   ///< kGroundCollider: the ground; none of two bodies
+  std::uint32_t other = formats::kNone;  ///< BodyId of the second body, the same one of what touches itself
+  Vec3 point = {0, 0, 0};                ///< mean of the places where they push, by how hard they do, metres, world
+  Vec3 normal = {0, 1, 0};               ///< unit, the way in which `body` is pushed, without friction
+  Vec3 impulse = {0, 0, 0};              ///< on `body`, friction included, N s; of what touches itself 0
+  /// m/s at which the fastest of the places that began to touch came along its normal; 0 where none did.
+  float speed = 0;
+};
+
 }  // namespace sinew

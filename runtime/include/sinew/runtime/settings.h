@@ -42,6 +42,7 @@ struct GroundPlane {
   Vec3 normal = {0.0F, 1.0F, 0.0F};  ///< unit
   float offset = 0.0F;               ///< metres along the normal
   float friction = 0.6F;             ///< Coulomb coefficient, 0..; 0 = ice
+  float restitution = 0;             ///< as ColliderSettings::restitution, 0..1
 };
 
 /// Runs a loop in parallel; the default runs it in the caller's thread. An engine passes its own job system in.
@@ -64,6 +65,7 @@ struct WorldSettings {
   /// Whether bodies touch each other (docs/method.md §4). Needs packages with distance grids (section DIST,
   /// `field.distances`). Touches are no part of a saved state: friction starts anew when it is restored.
   bool collisions = false;
+  bool report_contacts = false;  ///< whether World::contacts() is kept
   /// Time at rest after which a body falls asleep with all that it touches; asleep it costs nothing until something
   /// touches, changes or moves it. Over this time it has moved by less than 1e-3 diagonals a second (docs/method.md
   /// §3). s, 0..1e4; 0: never.

@@ -290,6 +290,10 @@ class SINEW_API World {
   /// Which pairs of a body and a collider, or of bodies, began or ceased to touch in the last step, or call of
   /// advance(), in order; those of bodies that were removed are left out. Valid until the next call that is not const.
   std::span<const ContactEvent> contactEvents() const;
+  /// All that pushed a body in the last step, or call of advance(), once for each pair, where it did, how hard and how
+  /// fast it came: by bodies, then colliders, then second bodies, which have the higher ids. What sleeps is among them.
+  /// Valid until the next call that is not const. \pre WorldSettings::report_contacts; else there are none.
+  std::span<const BodyContact> contacts() const;
 
   /// A ray's first hit from outside: objects it begins in are passed over. Costs a body what drawing it does, so ask
   /// for bodies where they are near. \param direction unit. \param distance m, how far the ray goes.
