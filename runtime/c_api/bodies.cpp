@@ -44,6 +44,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.drag = s.drag;
   result.self_contact = s.self_contact ? 1 : 0;
   result.level = s.level;
+  result.support_damping = s.support_damping;
   return result;
 }
 
@@ -62,6 +63,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.drag = s.drag;
   result.self_contact = s.self_contact != 0;
   result.level = s.level;
+  result.support_damping = s.support_damping;
   return result;
 }
 

@@ -70,7 +70,7 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
     std::copy_n(all.gradient.data() + first, size, step.scratch().gradient.data());
     step.finishTogether(leaning, minimand_.elastic[scratch_.place[members_[i]]]);
   });
-  leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
+  leaning ? dampSwing(h) : keepMomentum(h, settings);
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
     const FoundTouch& found = *found_[i];
     const TouchLink& touch = scratch_.touches[i];
@@ -341,17 +341,19 @@ Minimand Island::nearImpacts() {
   return near;
 }
 
-void Island::dampSwing(double h, const WorldSettings& settings) {
-  double mass = 0;
+void Island::dampSwing(double h) {
+  double mass = 0, rate = 0;
   Vector3d center = Vector3d::Zero(), velocity = center, spin = center;
   for (const std::uint32_t m : members_) {
     const PieceStep::Whole w = steps_[m].whole();
     mass += w.mass;
+    rate += w.mass * steps_[m].supportDamping();
     center += w.mass * w.after;
     velocity += w.mass * w.velocity;
   }
   center /= mass;
   velocity /= mass;
+  rate /= mass;
   Matrix3d inertia = Matrix3d::Zero();
   for (const std::uint32_t m : members_) {
     const PieceStep::Whole w = steps_[m].whole();
@@ -359,7 +361,7 @@ void Island::dampSwing(double h, const WorldSettings& settings) {
     spin += w.spin + w.mass * arm.cross(Vector3d(w.velocity - velocity));
     inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
   }
-  const Vector3d omega = (std::exp(-double(settings.support_damping) * h) - 1) * solved(inertia, spin);
+  const Vector3d omega = (std::exp(-rate * h) - 1) * solved(inertia, spin);
   for (const std::uint32_t m : members_) {
     const Vector3d arm = steps_[m].whole().after - center;
     steps_[m].add(Vector3d::Zero(), omega.cross(arm), Vector3d::Zero(), Vector3d::Zero());

@@ -83,8 +83,8 @@ class Island {
   /// near_value of these there. \param[in,out] value of all. \return whether they do; the gradients of others are then
   /// those of before
   bool startRigid(const Minimand& near, Objective::Value near_value, Objective::Value& value);
-  /// Support damping of the island: the rotation of its pieces about its centre decays.
-  void dampSwing(double h, const WorldSettings& settings);
+  /// Support damping of the island, the mean of its pieces by mass: their rotation about its centre decays.
+  void dampSwing(double h);
   /// Puts back the momentum that minimizing has lost: all forces were between the pieces.
   void keepMomentum(double h, const WorldSettings& settings);
   /// By its place in the minimand.

@@ -346,8 +346,12 @@ void PieceStep::findMotion(const Vector3d& center) {
 double PieceStep::keptOfTurns() const {
   if (field_.driven > 0) return 1;
   const bool supported = springs_ || leaned();
-  return std::exp(-double(settings_.damping) * h_) *
-         (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
+  return std::exp(-double(settings_.damping) * h_) * (supported ? std::exp(-supportDamping() * h_) : 1);
+}
+
+double PieceStep::supportDamping() const {
+  const float own = body_.settings.support_damping;
+  return double(own >= 0 ? own : settings_.support_damping);
 }
 
 bool PieceStep::mayContinue() const {

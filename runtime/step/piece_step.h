@@ -71,6 +71,8 @@ class PieceStep {
   /// What the shape stores before the step, J; negative: not known.
   double stored() const { return piece_.state.elastic; }
   bool leaned() const { return piece_.state.leaning || !piece_.state.touching.empty(); }
+  /// The body's, or the world's, 1/s.
+  double supportDamping() const;
 
   /// Takes the memory that prepareTogether() needs for so many rows.
   void reserveSystem(std::size_t rows);

@@ -87,7 +87,7 @@ struct SavedBody {
   std::uint32_t in_fields, keep_previous, package_pins, layers, can_touch, self_contact, level;
   Vec3 position;
   Mat3 rotation;
-  float stiffness_scale, friction, gravity_scale, drag;
+  float stiffness_scale, friction, gravity_scale, drag, support_damping, reserved;
 };
 
 struct SavedTouch {
@@ -203,6 +203,7 @@ bool isSound(const SavedBody& s) {
   settings.friction = s.friction;
   settings.gravity_scale = s.gravity_scale;
   settings.drag = s.drag;
+  settings.support_damping = s.support_damping;
   return s.activity <= Activity::disabled && internal::faultOf(settings) == nullptr && s.stiffness_scale >= 0 &&
          s.stiffness_scale <= 1e6F && internal::isProper({s.position, s.rotation});
 }
@@ -251,7 +252,9 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
                       s.stiffness_scale,
                       s.friction,
                       s.gravity_scale,
-                      s.drag});
+                      s.drag,
+                      s.support_damping,
+                      0});
     if (to != nullptr) world.saveState({body->id}, {out.at(), std::size_t(state_bytes)});
     out.size += std::size_t(state_bytes);
     out.put(body->touched.data(), body->touched.size());
@@ -479,6 +482,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           body.settings.self_contact = s.self_contact != 0;
           body.settings.gravity_scale = s.gravity_scale;
           body.settings.drag = s.drag;
+          body.settings.support_damping = s.support_damping;
           body.settings.level = s.level;
           body.settings.package_pins = s.package_pins != 0;
           body.settings.solver = solver;

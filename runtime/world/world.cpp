@@ -292,6 +292,7 @@ const char* internal::faultOf(const BodySettings& settings) {
   if (!(settings.friction <= 1e4F)) return "BodySettings::friction must be at most 1e4";
   if (!(std::abs(settings.gravity_scale) <= 1e4F)) return "BodySettings::gravity_scale must be -1e4 to 1e4";
   if (!(settings.drag >= 0 && settings.drag <= 1e4F)) return "BodySettings::drag must be 0 to 1e4";
+  if (!(settings.support_damping <= 1e4F)) return "BodySettings::support_damping must be at most 1e4";
   return nullptr;
 }
 
@@ -382,7 +383,7 @@ bool World::setBodySettings(BodyId id, const BodySettings& settings) {
   had.level = settings.level;
   if (had.friction == settings.friction && had.layers == settings.layers && had.touches == settings.touches &&
       had.self_contact == settings.self_contact && had.gravity_scale == settings.gravity_scale &&
-      had.drag == settings.drag) {
+      had.drag == settings.drag && had.support_damping == settings.support_damping) {
     return true;  // what sleeps sleeps on
   }
   impl_->changed(*body);
@@ -394,6 +395,7 @@ bool World::setBodySettings(BodyId id, const BodySettings& settings) {
   body->settings.self_contact = settings.self_contact;
   body->settings.gravity_scale = settings.gravity_scale;
   body->settings.drag = settings.drag;
+  body->settings.support_damping = settings.support_damping;
   return true;
 }
 

@@ -120,8 +120,8 @@ TEST(Held, SmallOnesBendAsLargeOnesDo) {
   std::vector<double> sags;
   for (const double length : {1.0, 0.01, 0.001}) {
     // The same shape under the same load: frequencies by the root of the length.
-    const auto asset = *Asset::fromMemory(
-        fieldBar({.pinned = true, .hz = float(20 / std::sqrt(length)), .length = length}));
+    const auto asset =
+        *Asset::fromMemory(fieldBar({.pinned = true, .hz = float(20 / std::sqrt(length)), .length = length}));
     WorldSettings settings;
     World world(settings);
     const BodyId body = *world.addBody(asset);

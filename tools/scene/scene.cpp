@@ -499,6 +499,7 @@ void Scene::reset() {
   // drag the skin between them along.
   if (script_ && !script_->script.targets.empty()) world.deformation_damping_ratio = 0;
   if (script_ && script_->script.damping) world.damping = float(*script_->script.damping);
+  if (script_ && script_->script.support_damping) world.support_damping = float(*script_->script.support_damping);
   if (script_ && script_->script.deformation_damping_ratio)
     world.deformation_damping_ratio = float(*script_->script.deformation_damping_ratio);
 

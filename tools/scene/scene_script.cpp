@@ -32,13 +32,13 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "", {"sinew_scene", "seconds",    "step",         "still",
-                      "gravity",     "iterations", "damping",      "deformation_damping_ratio",
-                      "stiffness",   "channels",   "targets",      "cuts",
-                      "picks",       "pushes",     "impulses",     "forces",
-                      "wind",        "drag",       "self_contact", "package_pins",
-                      "colliders",   "ground",     "bodies",       "camera",
-                      "levels",      "note"});
+    object(json, "", {"sinew_scene", "seconds",    "step",           "still",
+                      "gravity",     "iterations", "damping",        "deformation_damping_ratio",
+                      "stiffness",   "channels",   "targets",        "cuts",
+                      "picks",       "pushes",     "impulses",       "forces",
+                      "wind",        "drag",       "self_contact",   "package_pins",
+                      "colliders",   "ground",     "bodies",         "camera",
+                      "levels",      "note",       "support_damping"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -48,6 +48,9 @@ class Reader {
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
     if (json.contains("step")) script_.step = number(json["step"], "/step", 1e-5, 1);
     if (json.contains("damping")) script_.damping = number(json["damping"], "/damping", 0, 1e4);
+    if (json.contains("support_damping")) {
+      script_.support_damping = number(json["support_damping"], "/support_damping", 0, 1e4);
+    }
     if (json.contains("deformation_damping_ratio")) {
       script_.deformation_damping_ratio = number(json["deformation_damping_ratio"], "/deformation_damping_ratio", 0, 1);
     }

@@ -113,9 +113,9 @@ struct SceneScript {
   double still = 2;              ///< s, the moment of a single picture
   double gravity = 0;            ///< m/s², downwards, 0..kMostGravity
   std::uint32_t iterations = 0;  ///< as WorldSettings::iterations, 1..16; 0 = the runtime's default
-  std::optional<double> damping, deformation_damping_ratio;  ///< as in WorldSettings; none: the runtime's defaults
-  double stiffness = 1;                                      ///< as BodySettings::stiffness_scale, of all bodies
-  std::optional<double> step;                                ///< s, 1e-5..1
+  std::optional<double> damping, deformation_damping_ratio, support_damping;  ///< WorldSettings; none: its defaults
+  double stiffness = 1;        ///< as BodySettings::stiffness_scale, of all bodies
+  std::optional<double> step;  ///< s, 1e-5..1
   std::vector<Channel> channels;
   std::vector<Target> targets;
   std::vector<Solid> colliders;

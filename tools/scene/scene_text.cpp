@@ -107,6 +107,7 @@ std::string sceneText(const Scene& scene, const SceneTextOptions& options) {
   json["iterations"] = world.iterations;
   json["damping"] = sevenDigits(double(world.damping));
   json["deformation_damping_ratio"] = sevenDigits(double(world.deformation_damping_ratio));
+  json["support_damping"] = sevenDigits(double(world.support_damping));
   json["stiffness"] = sevenDigits(double(scene.world().bodySettings(scene.body()).stiffness_scale));
   // The package's pins hold it here, or the scene's own; in either case the package's hold it there.
   json["package_pins"] = scene.world().bodySettings(scene.body()).package_pins || !scene.pinned().empty();

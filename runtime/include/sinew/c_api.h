@@ -200,7 +200,8 @@ typedef struct sinew_body_settings {
   float gravity_scale;        /* times the world's gravity, -1e4..1e4; 1 */
   float drag;                 /* of the air, by area of surface, 0..1e4: see sinew::BodySettings; 0 */
   uint32_t self_contact;      /* 1: its surface touches itself: see sinew::BodySettings; 0 */
-  uint32_t level; /* of detail, see sinew::BodySettings; sinew_asset_info.levels - 1 or more: its coarsest; 0 */
+  uint32_t level;        /* of detail, see sinew::BodySettings; sinew_asset_info.levels - 1 or more: its coarsest; 0 */
+  float support_damping; /* of turning on supports, 0..1e4 1/s; below 0: that of the world; -1 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -282,7 +283,8 @@ SINEW_API sinew_status sinew_body_set_activation(sinew_world* world, uint32_t bo
 SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body, const char* channel,
                                                          float value);
 
-/* Changes friction, layers, touches, self_contact, gravity_scale, drag and level of a body; get gives all that it has.
+/* Changes friction, layers, touches, self_contact, gravity_scale, drag, support_damping and level of a body; get gives
+ * all that it has.
  */
 SINEW_API sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings);
 SINEW_API sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings);

@@ -68,9 +68,12 @@ using ColliderShape =
 
 /// Place, surface and layers of a collider.
 struct ColliderSettings {
-  RigidTransform at;         ///< where it is
-  float friction = 0.6F;     ///< Coulomb coefficient, 0..1e4; of a pair: BodySettings::friction
-  float restitution = 0;     ///< speed of a free body as it leaves, of that at which it came, 0..1; less where it rings
+  RigidTransform at;      ///< where it is
+  float friction = 0.6F;  ///< Coulomb coefficient, 0..1e4; of a pair: BodySettings::friction
+  /// Part of the momentum that an impact takes of a free body and that is given back, 0..1: at 1 it leaves as fast as
+  /// it came, less what rings in it. At 0 it leaves by its own spring alone, the more slowly the more damped that is
+  /// (WorldSettings::deformation_damping_ratio) and the longer the steps.
+  float restitution = 0;
   std::uint32_t layers = 1;  ///< bits: two touch if each has a layer that is in the `touches` of the other
   std::uint32_t touches = 0xFFFFFFFFU;
   /// m/s, > 0: moveCollider() is followed no faster than that, as a hand follows a cursor; it may take several steps. A

@@ -78,8 +78,8 @@ struct WorldSettings {
   /// Inner friction: damping of all motion of a piece that is not rigid, and of contacts, as a ratio to critical
   /// damping. A swing keeps exp(-2 pi ratio) of itself in a period. 0..1
   float deformation_damping_ratio = 0.25F;
-  /// Rate at which rotation decays of a piece that stands, hangs or leans, so that soft bodies do not roll or swing for
-  /// ever. 1/s, 0..1e4.
+  /// Rate at which rotation decays of a piece that stands, leans, or hangs on pins or picks, so that soft bodies do not
+  /// roll or swing for ever. 1/s, 0..1e4; 0 where balls are to roll.
   float support_damping = 4.0F;
   /// Length of the substeps that World::advance() takes. s, 1e-5..1
   float substep_seconds = 1.0F / 60;
@@ -112,6 +112,7 @@ struct BodySettings {
   /// How much the air drags at each part of the surface: force -1/2 density drag area |u| u, u the velocity against the
   /// wind, N (docs/method.md). A ball of drag coefficient c has c / 4. 0..1e4; 0: not at all. Bodies in fields only.
   float drag = 0;
+  float support_damping = -1;  ///< WorldSettings::support_damping of this body, 0..1e4 1/s; below 0: the world's
   /// Level of detail: how often the functions of its package are halved (field.levels of the bake); more than the
   /// package has is its coarsest. Another one holds from the next step on, of what sleeps from when it wakes; what it
   /// takes of the shape is drawn on for 0.3 s, less and less. Bodies in fields only.

@@ -186,8 +186,8 @@ class SINEW_API World {
 
   /// The settings it has; the default ones for an unknown body.
   const BodySettings& bodySettings(BodyId body) const;
-  /// Changes friction, layers, touches, self_contact, gravity_scale, drag and level; the others stay as they were given
-  /// to addBody(). \return false, and nothing is done, where one is out of range.
+  /// Changes friction, layers, touches, self_contact, gravity_scale, drag, support_damping and level; the others stay
+  /// as they were given to addBody(). \return false, and nothing is done, where one is out of range.
   bool setBodySettings(BodyId body, const BodySettings& settings);
   /// Stops a body or lets it go on: from rest where it was stopped and moved, else with the motion that it had; where
   /// its pins have been told to go meanwhile it goes with them first (snapToPins()).
