@@ -367,6 +367,26 @@ class Pins(Folder):
             poses.append([tuple(map(float, line.split()[1:])) for line in out.read_text().splitlines() if line.startswith("v ")])
         return [b[1] - a[1] for a, b in zip(*poses) if low <= a[0] <= high]
 
+    def test_an_end_face_holds_stiff_bars_as_it_holds_soft_ones(self):
+        sections = [(i / 40, y, z) for i in range(41) for y, z in ((-0.025, -0.025), (0.025, -0.025), (0.025, 0.025), (-0.025, 0.025))]
+        faces = [(1, 2, 3, 4), (164, 163, 162, 161)]
+        faces += [(4 * i + c + 1, 4 * i + c + 5, 4 * i + (c + 1) % 4 + 5, 4 * i + (c + 1) % 4 + 1) for i in range(40) for c in range(4)]
+        self.write("slender.obj", "".join("v %g %g %g\n" % p for p in sections) + "".join("f %d %d %d %d\n" % f for f in faces))
+        sags = []
+        for young in (1e7, 1e9):  # under weights in proportion
+            self.bake(self.write("r.json", {
+                "sinew_recipe": 3, "source": "slender.obj", "pins": [{"name": "A", "from": {"half_space": [1e-4, 0, 0], "normal": [-1, 0, 0]}}],
+                "settings": {"clusters.stiffness": "elastic", "clusters.young": young, "clusters.poisson": 0.3}}))
+            scene = self.write("s.json", {"sinew_scene": 1, "seconds": 10, "gravity": young * 8e-8})
+            out = self.path / "pose.obj"
+            result = run("simulate", self.path / "out.sinew", "--scene", scene, "--export", out)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            places = [[float(x) for x in line.split()[1:4]] for line in out.read_text().splitlines() if line.startswith("v ")]
+            sags.append(-sum(p[1] for p in places[-4:]) / 4)
+        # Of a beam 1.5 rho g l^3 / (E h^2) = 0.048; the tetrahedra cut its edges off.
+        self.assertAlmostEqual(sags[0], 0.058, delta=0.012)
+        self.assertAlmostEqual(sags[1] / sags[0], 1, delta=0.02)
+
     def test_a_vertex_moves_with_the_pins_that_hold_it_firmest(self):
         package = self.bake(self.recipe([("A", self.slab(-1, 0.3, falloff=2)), ("B", self.slab(1.6, 1.8))]))
         sets = [[v for (v,) in package.records["PSTV"]][s[5]:s[5] + s[6]] for s in package.records["PSET"]]

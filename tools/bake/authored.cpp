@@ -17,7 +17,8 @@ using Eigen::Vector3d;
 // One that is held more than this is held exactly: a mean of ones may round to less.
 constexpr double kExactPin = 0.999;
 
-bool isMost(double weight) { return weight >= 0.5; }
+// More than this of a vertex is most of it.
+constexpr double kMost = 0.5;
 
 double factorAt(const RecipeFactor& factor, double weight) {
   return 1 + std::clamp(weight, 0.0, 1.0) * (factor.value - 1);
@@ -119,14 +120,9 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
   for (PinWeights& set : sets) {
     const bool shaded = std::any_of(set.weights.begin(), set.weights.end(), [](double w) { return w > 0 && w < 1; });
     set.weights = transfer(set.weights);
-    // A selection without shades has none among the physical vertices either: each is on the side that has more of it.
-    const bool hard = !shaded && std::any_of(set.weights.begin(), set.weights.end(), isMost);
+    // A selection without shades holds what is most of it firmly: springs there would be as firm as stiff flesh is not.
     for (double& weight : set.weights) {
-      if (hard) {
-        weight = isMost(weight) ? 1 : 0;
-      } else if (weight > kExactPin) {
-        weight = 1;
-      }
+      if (weight > (shaded ? kExactPin : kMost)) weight = 1;
     }
   }
   const std::vector<std::uint32_t> holders = pinHolders(sets);
