@@ -205,13 +205,13 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       const Vector3d at = asVector(vertex.rest_position).cast<double>();
       field.mass += mass;
       moment += mass * at;
-      field.spread += mass * at.squaredNorm();
+      field.second_moment += mass * at.squaredNorm();
       squared_masses += mass * mass;
       for (std::uint32_t j = 0; j < field.driven; ++j) {
         driven_mass[j] += mass * double(field.valueAt(v, j));
       }
     }
-    field.spread -= moment.squaredNorm() / field.mass;
+    field.second_moment -= moment.squaredNorm() / field.mass;
     double volume = 0, weighed = 0;
     for (const formats::FieldPack& pack : packs) {
       for (std::size_t lane = 0; lane < 8; ++lane) {

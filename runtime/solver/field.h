@@ -54,7 +54,7 @@ struct Field {
   std::uint32_t stride = 0;                 ///< 3 n rounded up to eight
   const double* driven_mass = nullptr;      ///< of the driven functions: sum m phi, kg
   double mass = 0;                          ///< kg
-  double spread = 0;                        ///< sum m |X - center|^2 at rest, kg m^2: squared size of its shapes
+  double second_moment = 0;                 ///< sum m |X - center|^2 at rest, kg m^2: squared size of its shapes
   double young = 0;                         ///< mean Young's modulus, Pa
   double foundation = 0;                    ///< kappa of a vertex held at run time (docs/method.md §4), N/m
   double lowest_hz = 0;                     ///< of the lowest elastic mode, Hz

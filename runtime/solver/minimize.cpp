@@ -300,16 +300,16 @@ double Objective::turning(const float* d, float* gradient) const {
   return total;
 }
 
-void Objective::spin(const Vector3d& in_world) {
+void Objective::spin(const Vector3d& angular, const Vector3d& velocity) {
+  if (!(h * h * velocity.squaredNorm() > kRounding)) return;
   Array<Vector3d>&arms = scratch->spinning, &tumbling = scratch->tumbling;
   for (std::uint32_t j = 0; j < field->k; ++j) {
     arms[j] = Eigen::Map<const Eigen::Vector3f>(scratch->shape.data() + 4 * j).cast<double>() + field->restOf(j) -
               field->oneOf(j) * field->rest_center;
   }
-  momentum = rotation.cast<double>().transpose() * in_world;
+  momentum = rotation.cast<double>().transpose() * angular;
   const Matrix3d inverse = inertiaAboutMean(*field, arms).inverse();
   const Vector3d omega = inverse * momentum;
-  if (!(h * h * omega.squaredNorm() > kRounding)) momentum.setZero();
   Vector3d torque = Vector3d::Zero();
   for (std::uint32_t j = 0; j < field->k; ++j) torque += arms[j].cross(omega.cross(arms[j].cross(omega)));
   for (std::uint32_t j = 0; j < field->k; ++j) tumbling[j] = (inverse * torque).cross(arms[j]);
@@ -450,7 +450,7 @@ double Objective::fallen2(const float* gradient) const {
 
 double Objective::settled2(double way2) const {
   const double moves = kRounding * std::min(1.0, h * h * roughStiffness());
-  return kSettled * kSettled * way2 + moves * moves * field->spread;
+  return kSettled * kSettled * way2 + moves * moves * field->second_moment;
 }
 
 double Objective::roughStiffness() const {
@@ -733,7 +733,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   findSlides();
   double energy_noise = 0;
   for (const Objective* piece : minimand.pieces) {
-    energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->field->spread;
+    energy_noise += kRounding * kRounding * piece->roughStiffness() * piece->field->second_moment;
   }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);

@@ -166,9 +166,9 @@ struct Objective {
   /// Energy of the turn, 1/2 L . I^-1 L (docs/method.md §3): its derivatives are the centrifugal forces, and a piece
   /// that draws in pays for what its turn gains. Their torque, which tumbles it, is in the prediction already.
   double turning(const float* d, float* gradient) const;
-  /// Gives it an angular momentum, if its centrifugal forces are more than what floats round. \pre setFrame().
-  /// \param in_world kg m^2/s.
-  void spin(const Vector3d& in_world);
+  /// Gives it an angular momentum, kg m^2/s, in the world, if at this angular velocity centrifugal forces are more than
+  /// what floats round. \pre setFrame()
+  void spin(const Vector3d& angular, const Vector3d& velocity);
   /// Holds' part of it, beyond their pull at the prediction.
   double held(const float* d, float* gradient) const;
   /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the

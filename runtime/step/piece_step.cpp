@@ -203,7 +203,7 @@ void PieceStep::prepareTogether(std::span<TouchRow> rows) {
 
 void PieceStep::setFrame() {
   objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
-  if (field_.driven == 0 && !stands() && !(springs_ && two_step_)) objective_.spin(momentum_);
+  if (field_.driven == 0 && !stands() && !(springs_ && two_step_)) objective_.spin(momentum_, omega_after_);
 }
 
 void PieceStep::oldPlace(float* d) const {
@@ -446,7 +446,7 @@ void PieceStep::predict() {
     s_.prediction[j] = shape + effective_h_ * speed;
     s_.predicted_velocity[j] = speed;
   }
-  if (turns && field_.driven > 0) spread();
+  if (turns && field_.driven > 0) addCentrifugal();
   for (std::uint32_t j = field_.driven; j < k_; ++j) {
     const double one = field_.oneOf(j);
     s_.prediction[j] = one * center_ + turn * s_.prediction[j];
@@ -461,9 +461,9 @@ void PieceStep::predict() {
   setBase();
 }
 
-// In the frame that turns with what drives the piece: the centrifugal force w^2 r, where inertia leads.
-void PieceStep::spread() {
-  // Explicit: of more than a radian a step it is what that brings.
+// In the frame that turns with what drives the piece: the force w^2 r, where inertia leads. It is explicit, and of a
+// turn of more than a radian a step no more than of one.
+void PieceStep::addCentrifugal() {
   const double turn2 = h_ * h_ * rigid_.omega.squaredNorm(), step = effective_h_ / std::max(1.0, turn2);
   for (std::uint32_t j = field_.driven; j < k_; ++j) {
     const Vector3d out = step * rigid_.omega.cross(s_.prediction[j].cross(rigid_.omega));

@@ -127,7 +127,7 @@ class PieceStep {
 
   /// Centrifugal forces of what pin sets turn. \pre prediction and predicted velocity are arms and speeds in their
   /// frame.
-  void spread();
+  void addCentrifugal();
 
   void addForces();
 
