@@ -286,7 +286,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "Of elastic: Young's modulus; fat 1e4, muscle 1e5, rubber 1e6. What is taller than E over density times "
        "gravity (a metre at 1e4) cannot carry itself.",
        Number{&s.clusters.young, 0, 1e12}},
-      {"clusters.poisson", "", "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched.",
+      {"clusters.poisson", "",
+       "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched. Above 0.49 it counts as 0.49.",
        Number{&s.clusters.poisson, 0, 0.499}},
       {"clusters.damping", "1/s", "Decay of motion that is not rigid, besides the world's.",
        Number{&s.clusters.damping, 0, 1e5}},
