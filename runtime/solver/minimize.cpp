@@ -67,8 +67,7 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       external(memory),
       forces(memory),
       spinning(memory),
-      tumbling(memory),
-      arms(memory) {}
+      tumbling(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   const auto grow = [](auto& array, std::size_t count) {
@@ -76,8 +75,8 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   };
   const std::size_t k = field.k;
   grow(x, 4 * k + 8);
-  for (Array<float>* array :
-       {&base, &offset, &shape, &d, &old, &next, &gradient, &next_gradient, &direction, &residual}) {
+  for (Array<float>* array : {&base, &offset, &shape, &d, &old, &next, &gradient, &next_gradient, &direction, &residual,
+                              &spinning, &tumbling}) {
     grow(*array, 4 * k);
   }
   grow(springs, k * k);
@@ -89,8 +88,7 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   rigid.reserve(1, 0);
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
-  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces, &spinning, &tumbling, &arms})
-    grow(*array, k);
+  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces}) grow(*array, k);
 }
 
 void MinimizeScratch::reserveVectors(std::size_t size) {
@@ -268,51 +266,67 @@ double Objective::besideElastic(const float* d, float* gradient) const {
 
 namespace {
 
-/// Rows r become relative to their mean. \return sum |r|^2 1 - r r^T.
-Matrix3d inertiaAboutMean(const Field& field, Array<Vector3d>& rows) {
-  Vector3d mean = Vector3d::Zero();
-  for (std::uint32_t j = 0; j < field.k; ++j) mean += field.oneOf(j) * rows[j];
-  mean /= field.ones;
-  Matrix3d moment = Matrix3d::Zero();
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    rows[j] -= field.oneOf(j) * mean;
-    moment += rows[j] * rows[j].transpose();
-  }
-  // A straight line has no inertia about itself.
-  return (moment.trace() * (1 + 1e-9)) * Matrix3d::Identity() - moment;
-}
+/// Inertia from sum r r^T. A straight line has none about itself.
+Matrix3d inertiaOf(const Matrix3d& moment) { return (moment.trace() * (1 + 1e-9)) * Matrix3d::Identity() - moment; }
 
 }  // namespace
 
 double Objective::turning(const float* d, float* gradient) const {
-  Array<Vector3d>& arms = scratch->arms;
+  using Wide = Eigen::Array4d;
+  const float *const arms = scratch->spinning.data(), *const tumbling = scratch->tumbling.data();
+  Wide x = Wide::Zero(), y = x, z = x, mean = x, tumbled = x;
   for (std::uint32_t j = 0; j < field->k; ++j) {
-    arms[j] = scratch->spinning[j] + Eigen::Map<const Eigen::Vector3f>(d + 4 * j).cast<double>();
+    const Four way = Four::Map(d + 4 * j);
+    const Wide arm = Four::Map(arms + 4 * j).cast<double>() + way.cast<double>();
+    x += arm[0] * arm;
+    y += arm[1] * arm;
+    z += arm[2] * arm;
+    mean += field->oneOf(j) * arm;
+    tumbled += (Four::Map(tumbling + 4 * j) * way).cast<double>();
   }
-  const Vector3d omega = inertiaAboutMean(*field, arms).inverse() * momentum;
-  double total = 0.5 * momentum.dot(omega);
+  mean /= field->ones;
+  Matrix3d moment = -field->ones * mean.matrix().head<3>() * mean.matrix().head<3>().transpose();
+  moment.col(0) += x.matrix().head<3>();
+  moment.col(1) += y.matrix().head<3>();
+  moment.col(2) += z.matrix().head<3>();
+  const Vector3d omega = inertiaOf(moment).inverse() * momentum;
+  const double total = 0.5 * momentum.dot(omega) + ((tumbled[0] + tumbled[1]) + tumbled[2]);
+  if (gradient == nullptr) return total;
+  const Matrix3d out = omega.squaredNorm() * Matrix3d::Identity() - omega * omega.transpose();
+  std::array<Wide, 3> columns;
+  for (int c = 0; c < 3; ++c) columns[std::size_t(c)] << out.col(c).array(), 0;
   for (std::uint32_t j = 0; j < field->k; ++j) {
-    const Vector3d tumbles = scratch->tumbling[j];
-    total += tumbles.dot(Eigen::Map<const Eigen::Vector3f>(d + 4 * j).cast<double>());
-    if (gradient == nullptr) continue;
-    Eigen::Map<Eigen::Vector3f>(gradient + 4 * j) += (tumbles - omega.cross(arms[j].cross(omega))).cast<float>();
+    const Wide arm =
+        Four::Map(arms + 4 * j).cast<double>() + Four::Map(d + 4 * j).cast<double>() - field->oneOf(j) * mean;
+    const Wide pull = arm[0] * columns[0] + arm[1] * columns[1] + arm[2] * columns[2];
+    Four::Map(gradient + 4 * j) += (Four::Map(tumbling + 4 * j).cast<double>() - pull).cast<float>();
   }
   return total;
 }
 
 void Objective::spin(const Vector3d& angular, const Vector3d& velocity) {
   if (!(h * h * velocity.squaredNorm() > kRounding)) return;
-  Array<Vector3d>&arms = scratch->spinning, &tumbling = scratch->tumbling;
-  for (std::uint32_t j = 0; j < field->k; ++j) {
-    arms[j] = Eigen::Map<const Eigen::Vector3f>(scratch->shape.data() + 4 * j).cast<double>() + field->restOf(j) -
-              field->oneOf(j) * field->rest_center;
-  }
   momentum = rotation.cast<double>().transpose() * angular;
-  const Matrix3d inverse = inertiaAboutMean(*field, arms).inverse();
+  float *const arms = scratch->spinning.data(), *const tumbling = scratch->tumbling.data();
+  const auto armOf = [&](std::uint32_t j) { return Eigen::Map<const Eigen::Vector3f>(arms + 4 * j).cast<double>(); };
+  Matrix3d moment = Matrix3d::Zero();
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const Vector3d arm = Eigen::Map<const Eigen::Vector3f>(scratch->shape.data() + 4 * j).cast<double>() +
+                         field->restOf(j) - field->oneOf(j) * field->rest_center;
+    moment += arm * arm.transpose();
+    Four::Map(arms + 4 * j) = padded(arm.cast<float>());
+  }
+  const Matrix3d inverse = inertiaOf(moment).inverse();
   const Vector3d omega = inverse * momentum;
   Vector3d torque = Vector3d::Zero();
-  for (std::uint32_t j = 0; j < field->k; ++j) torque += arms[j].cross(omega.cross(arms[j].cross(omega)));
-  for (std::uint32_t j = 0; j < field->k; ++j) tumbling[j] = (inverse * torque).cross(arms[j]);
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const Vector3d arm = armOf(j);
+    torque += arm.cross(omega.cross(arm.cross(omega)));
+  }
+  const Vector3d tumbles = inverse * torque;
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    Four::Map(tumbling + 4 * j) = padded(tumbles.cross(Vector3d(armOf(j))).cast<float>());
+  }
 }
 
 void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Matrix3d& turned) {

@@ -117,8 +117,8 @@ struct MinimizeScratch {
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
   Array<Vector3d> prediction, predicted_velocity, external;
-  Array<Vector3d> forces;                    ///< at points, on each coefficient, N
-  Array<Vector3d> spinning, tumbling, arms;  ///< of Objective::turning()
+  Array<Vector3d> forces;           ///< at points, on each coefficient, N
+  Array<float> spinning, tumbling;  ///< of Objective::turning(): arms, and what turns the piece as a whole
 };
 
 /// The step's objective, relative to its value at the prediction but for the elastic energy. Offsets, gradients and
