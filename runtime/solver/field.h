@@ -76,6 +76,11 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
+/// Inertia from sum r r^T. A straight line has none about itself.
+inline Matrix3d inertiaFrom(const Matrix3d& moment) {
+  return (moment.trace() * (1 + 1e-9)) * Matrix3d::Identity() - moment;
+}
+
 /// sum_j row_j rows_j of k x 4.
 inline Eigen::Array4f sumOfRows(const float* row, const float* rows, std::uint32_t k) {
   using Four = Eigen::Array4f;

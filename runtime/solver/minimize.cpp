@@ -28,7 +28,8 @@ constexpr double kRough = 30;
 constexpr double kSufficient = 1e-4;
 /// Rounding of energies that are sums of floats, relative.
 constexpr double kEnergyNoise = 4e-6;
-/// Part of what friction allows at which all that slid in the last step begin.
+/// Of Coulomb's bound, sum kappa |u| <= sum mu_f N (docs/method.md §4): what slid in the last step begins at it, but
+/// for what loads have changed since.
 constexpr float kAtBound = 0.99F;
 
 using Four = Eigen::Array4f;
@@ -264,13 +265,6 @@ double Objective::besideElastic(const float* d, float* gradient) const {
   return total;
 }
 
-namespace {
-
-/// Inertia from sum r r^T. A straight line has none about itself.
-Matrix3d inertiaOf(const Matrix3d& moment) { return (moment.trace() * (1 + 1e-9)) * Matrix3d::Identity() - moment; }
-
-}  // namespace
-
 double Objective::turning(const float* d, float* gradient) const {
   using Wide = Eigen::Array4d;
   const float *const arms = scratch->spinning.data(), *const tumbling = scratch->tumbling.data();
@@ -289,7 +283,7 @@ double Objective::turning(const float* d, float* gradient) const {
   moment.col(0) += x.matrix().head<3>();
   moment.col(1) += y.matrix().head<3>();
   moment.col(2) += z.matrix().head<3>();
-  const Vector3d omega = inertiaOf(moment).inverse() * momentum;
+  const Vector3d omega = inertiaFrom(moment).inverse() * momentum;
   const double total = 0.5 * momentum.dot(omega) + ((tumbled[0] + tumbled[1]) + tumbled[2]);
   if (gradient == nullptr) return total;
   const Matrix3d out = omega.squaredNorm() * Matrix3d::Identity() - omega * omega.transpose();
@@ -316,7 +310,7 @@ void Objective::spin(const Vector3d& angular, const Vector3d& velocity) {
     moment += arm * arm.transpose();
     Four::Map(arms + 4 * j) = padded(arm.cast<float>());
   }
-  const Matrix3d inverse = inertiaOf(moment).inverse();
+  const Matrix3d inverse = inertiaFrom(moment).inverse();
   const Vector3d omega = inverse * momentum;
   Vector3d torque = Vector3d::Zero();
   for (std::uint32_t j = 0; j < field->k; ++j) {

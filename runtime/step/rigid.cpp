@@ -50,9 +50,7 @@ Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vecto
   }
   Matrix3d moment;
   moment << xx, xy, zx, xy, yy, yz, zx, yz, zz;
-  const double trace = moment.trace();
-  // A straight line has no inertia about itself.
-  return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
+  return inertiaFrom(moment);
 }
 
 Vector3d solved(const Matrix3d& a, const Vector3d& b) {

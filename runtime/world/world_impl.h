@@ -38,7 +38,7 @@ struct ContactSum {
   Vector3d push = Vector3d::Zero();     ///< the same without friction
   Vector3d place = Vector3d::Zero();    ///< loads times where they push, N s m
   double load = 0;                      ///< along the normals, N s
-  float speed = 0;                      ///< Contact::speed
+  float speed = 0;                      ///< BodyContact::speed
 
   void add(const ContactSum& other);
   BodyContact told() const;

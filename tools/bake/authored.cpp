@@ -120,7 +120,8 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
   for (PinWeights& set : sets) {
     const bool shaded = std::any_of(set.weights.begin(), set.weights.end(), [](double w) { return w > 0 && w < 1; });
     set.weights = transfer(set.weights);
-    // A selection without shades holds what is most of it firmly: springs there would be as firm as stiff flesh is not.
+    // A weight below 1 is a spring of its own frequency (docs/method.md §2), which stiff flesh bends: where the
+    // selection has no shades, none come in by carrying it over to vertices that are mostly in it.
     for (double& weight : set.weights) {
       if (weight > (shaded ? kExactPin : kMost)) weight = 1;
     }

@@ -156,7 +156,7 @@ typedef struct sinew_world_settings {
   uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
   float wind[3];                   /* velocity of the air, m/s; 0 0 0 */
   float air_density;               /* kg/m^3, 0..1e4; 1.2 */
-  float ground_restitution;        /* speed of a free body as it leaves, of that at which it came, 0..1; 0 */
+  float ground_restitution;        /* as sinew_collider_settings.restitution, 0..1; 0 */
   uint32_t report_contacts;        /* 0 or 1: whether sinew_world_contacts() is kept; 0 */
 } sinew_world_settings;
 
@@ -284,8 +284,7 @@ SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uin
                                                          float value);
 
 /* Changes friction, layers, touches, self_contact, gravity_scale, drag, support_damping and level of a body; get gives
- * all that it has.
- */
+   all that it has. */
 SINEW_API sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings);
 SINEW_API sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings);
 
@@ -389,7 +388,7 @@ typedef struct sinew_collider_settings {
   float position[3];         /* m; 0 0 0 */
   float rotation[9];         /* proper; identity */
   float friction;            /* Coulomb coefficient, 0..1e4; 0.6 */
-  float restitution;         /* part of the speed that a free body leaves with, 0..1; 0 */
+  float restitution;         /* part of an impact's momentum that is given back, 0..1; 0 */
   uint32_t layers;           /* as of a body; 1 */
   uint32_t touches;          /* all */
   float mass;                /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */
