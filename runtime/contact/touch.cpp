@@ -22,6 +22,10 @@ constexpr double kNear = 2e-4;
 /// Looks along a point's way in a step, so that work is bounded at any speed. Half a grid cell each, as where less is
 /// not seen: up to 128 cells a step, four lengths of a piece of 32 cells, there are as many as that takes.
 constexpr float kMostTraced = 256;
+/// Rounds in which a crossing is looked for: as many halvings as floats have digits.
+constexpr int kCrossing = 24;
+/// A distance that is not known.
+constexpr float kFar = std::numeric_limits<float>::max();
 /// Functions of a field at most (FieldRange::function_count).
 constexpr std::size_t kMostFunctions = 1024;
 /// Steps of a way out, each as long as the surface is far: along a side that is s away, a way of length L takes L / s.
@@ -49,10 +53,13 @@ void setRow(const Field& field, const MaterialPoint& at, float* row) {
   }
 }
 
-/// Places of a piece's vertices at the prediction, as they are asked for: what touches asks for the same few again.
+/// Places of a piece's vertices in one shape of it, as they are asked for: what touches asks for the same few again.
 class Corners {
  public:
-  explicit Corners(const TouchingPiece& piece) : piece_(piece) { vertices_.fill(formats::kNone); }
+  /// \param shape coefficients, k x 4.
+  Corners(const TouchingPiece& piece, const float* shape) : piece_(piece), shape_(shape) {
+    vertices_.fill(formats::kNone);
+  }
 
   Vector3f placeOf(const MaterialPoint& at) {
     Eigen::Array4f sum = at.weight[0] * place(at.vertex[0]);
@@ -75,13 +82,14 @@ class Corners {
     const Field& field = *piece_.field;
     const float* const values = field.valuesAt(vertex - field.first_vertex);
     Eigen::Array4f sum = Eigen::Array4f::Zero();
-    for (std::uint32_t j = 0; j < field.k; ++j) sum += values[8 * j] * Eigen::Array4f::Map(piece_.base + 4 * j);
+    for (std::uint32_t j = 0; j < field.k; ++j) sum += values[8 * j] * Eigen::Array4f::Map(shape_ + 4 * j);
     vertices_[slot] = vertex;
     return places_[slot] = sum;
   }
 
   static constexpr std::size_t kSlots = 64;
   const TouchingPiece& piece_;
+  const float* shape_;
   std::array<std::uint32_t, kSlots> vertices_;
   std::array<Eigen::Array4f, kSlots> places_;
 };
@@ -216,7 +224,8 @@ class TouchSearch {
         pins_((a.field->driven > 0 && !a.fall.isZero(0)) || (b.field->driven > 0 && !b.fall.isZero(0))),
         low_((b.low + lowFall()).array() - (b.map->bulge() + margin_)),
         high_((b.high + highFall()).array() + (b.map->bulge() + margin_)),
-        corners_(b) {}
+        corners_(b, b.base),
+        corners_before_(b, b.before) {}
 
   /// Anywhere on the way.
   bool areNear() const {
@@ -300,16 +309,18 @@ class TouchSearch {
 
   void lookAll() {
     const auto count = std::uint32_t(a_.field->points.size());
-    const bool all = isItself() || is_fast_;
+    const bool all = isItself();
+    // What is farther from b's box does not reach it within the step.
+    const float reach = is_fast_ ? travel_.norm() + a_.stirring + b_.stirring : 0;
     for (std::uint32_t first = 0; first < count; first += kBlock) {
       const Eigen::Array<float, kBlock, 1> outside = outsideBox(first);
       const std::uint32_t end = std::min(count, first + kBlock);
       const bool some = !known_.empty() && known_.front().point < end;
-      if (!all && !some && outside.minCoeff() > 0) continue;
+      if (!all && !some && outside.minCoeff() > reach) continue;
       for (std::uint32_t p = first; p < end; ++p) {
         while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
         const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
-        if (all || last != nullptr || outside[p - first] <= 0) look(p, last);
+        if (all || last != nullptr || outside[p - first] <= reach) look(p, last);
       }
     }
   }
@@ -335,10 +346,9 @@ class TouchSearch {
       place = Eigen::Map<const Vector3f>(last->anchor.data());
       return findsPlaceFrom(lies, place) && isUnderSurface(place, distance);
     };
-    const bool near = entered || (last != nullptr && isStill()) ||
-                      isNear(lies, b_.base, Vector3f::Zero(), place, distance) ||
-                      (lies != at && isNear(at, b_.base, Vector3f::Zero(), place, distance)) ||
-                      (last != nullptr && isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance));
+    const bool near = entered || (last != nullptr && isStill()) || isNear(lies, 1, place, distance) ||
+                      (lies != at && isNear(at, 1, place, distance)) ||
+                      (last != nullptr && isNear(oldPlaceOf(p), 0, place, distance));
     if (near) add(key, last, entered, at, place, distance);
   }
 
@@ -492,13 +502,10 @@ class TouchSearch {
     float outside = 0;
     for (float t = 0; t <= 1;) {
       const float far = b_.map->distance(b_.turn.transpose() * (from + t * way) + b_.rest_center) - 2 * b_.bent;
-      if (!(far > 0) && isInside(at, was, t, place, distance)) {
+      if (!(far > 0) && (distance = depthAt(at, was, t, place)) < 0) {
         if (t == 0) return false;
-        while ((t - outside) * length > float(kNear * b_.diagonal)) {
-          const float middle = 0.5F * (outside + t);
-          (isInside(at, was, middle, place, distance) ? t : outside) = middle;
-        }
-        return isInside(at, was, t, place, distance);
+        cross(at, was, length, outside, t, place, distance);
+        return true;
       }
       outside = t;
       if (t == 1) break;
@@ -507,31 +514,58 @@ class TouchSearch {
     return false;
   }
 
-  /// isNear() at a part t of the step, and inside.
-  bool isInside(const Vector3f& at, const Vector3f& was, float t, Vector3f& place, float& distance) {
-    for (std::uint32_t i = 0; i < 4 * b_.field->k; ++i) between_[i] = b_.before[i] + t * (b_.base[i] - b_.before[i]);
-    return isNear(was + t * (at - was), between_.data(), (1 - t) * b_.center_before, place, distance) && distance < 0;
+  /// Where a way crosses b's surface between two parts of the step, one outside and one inside: just inside. By the
+  /// false position where the distances on both sides are known (Dowell and Jarratt 1971). \param[in,out] place,
+  /// distance inside.
+  void cross(const Vector3f& at, const Vector3f& was, float length, float outside, float inside, Vector3f& place,
+             float& distance) {
+    const float resolved = float(kNear * b_.diagonal);
+    float above = kFar, below = distance;
+    bool came_in = true;
+    for (int round = 0; round < kCrossing && distance < -resolved; ++round) {
+      if (!((inside - outside) * length > resolved)) break;
+      const float part = above < kFar ? above / (above - below) : 0.5F, t = outside + part * (inside - outside);
+      Vector3f there;
+      const float depth = depthAt(at, was, t, there);
+      const bool comes_in = depth < 0;
+      if (comes_in) {
+        place = there, inside = t, distance = below = depth;
+        if (came_in && above < kFar) above *= 0.5F;
+      } else {
+        outside = t, above = depth;
+        if (!came_in) below *= 0.5F;
+      }
+      came_in = comes_in;
+    }
   }
 
-  /// Whether a place is inside b or hardly outside. \param base, center of b then. \param[out] place of b's rest shape
-  /// that is there, and how far it is from the surface.
-  bool isNear(const Vector3f& at, const float* base, const Vector3f& center, Vector3f& place, float& distance) {
-    place = b_.turn.transpose() * (at - center) + b_.rest_center;
+  /// Distance of a place on a point's way from b's surface, at a part t of the step; kFar: it is not near. \param[out]
+  /// place of b's rest shape that is there.
+  float depthAt(const Vector3f& at, const Vector3f& was, float t, Vector3f& place) {
+    float distance = kFar;
+    (void)isNear(was + t * (at - was), t, place, distance);
+    return distance;
+  }
+
+  /// Whether a place is inside b or hardly outside, at a part t of the step. \param[out] place of b's rest shape that
+  /// is there. \param[in,out] distance of it from the surface, where it was looked for.
+  bool isNear(const Vector3f& at, float t, Vector3f& place, float& distance) {
+    place = b_.turn.transpose() * (at - (1 - t) * b_.center_before) + b_.rest_center;
     if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
     for (int round = 0; round < kRounds; ++round) {
       if (!b_.map->locate(place, material_)) return false;
-      const Vector3f left_over = leftOver(at, base);
+      const Vector3f left_over = at - placeAt(t);
       place += b_.turn.transpose() * left_over;
       if (isSmall(left_over)) break;
     }
     return isUnderSurface(place, distance);
   }
 
-  /// From the located material point to a place.
-  Vector3f leftOver(const Vector3f& at, const float* base) {
-    if (base == b_.base) return at - corners_.placeOf(material_);
-    setRow(*b_.field, material_, row_.data());
-    return at - sumOf(row_.data(), base, b_.field->k);
+  /// Of the located material point, at a part t of the step.
+  Vector3f placeAt(float t) {
+    if (t == 1) return corners_.placeOf(material_);
+    const Vector3f before = corners_before_.placeOf(material_);
+    return t == 0 ? before : Vector3f(before + t * (corners_.placeOf(material_) - before));
   }
 
   bool isSmall(const Vector3f& left_over) const { return left_over.norm() < float(kNear) * float(b_.diagonal); }
@@ -599,7 +633,7 @@ class TouchSearch {
     float *const row_a = list_.rows.data() + first, *const row_b = row_a + field_a.k;
     for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] = field_a.valueAtPoint(p, j);
     setRow(field_b, material_, row_b);
-    const Vector3f apart_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
+    const Vector3f apart_before = sumOf(row_a, a_.before, field_a.k) + apart_ - corners_before_.placeOf(material_);
     const Vector3f motion = at - corners_.placeOf(material_) - apart_before;
     Touch& t = touch.touch;
     t.normal = normal.normalized();
@@ -652,7 +686,7 @@ class TouchSearch {
   bool wasDeep(std::uint32_t p) {
     Vector3f place;
     float distance;
-    return isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance) && distance < -margin_;
+    return isNear(oldPlaceOf(p), 0, place, distance) && distance < -margin_;
   }
 
   /// The way back into a from one of its points, in b's rest shape; 0: not known.
@@ -697,15 +731,14 @@ class TouchSearch {
   const bool pins_;                         ///< drive one that falls
   Vector3f point_fall_ = Vector3f::Zero();  ///< fallOf() the point
   const Vector3f low_, high_;
-  Corners corners_;                  ///< of b
-  MaterialPoint material_;           ///< of b, located last
-  Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
-  bool parting_ = false;             ///< the two started inside one another, and are still
-  bool met_ = true;                  ///< the step before knew of them
-  int axis_ = 0;                     ///< of a.order
-  float reach_ = 0;                  ///< of neighbours, m
+  Corners corners_, corners_before_;  ///< of b at the prediction and before the step
+  MaterialPoint material_;            ///< of b, located last
+  Vector3f way_ = Vector3f::Zero();   ///< in b's rest shape, unit; 0: not known
+  bool parting_ = false;              ///< the two started inside one another, and are still
+  bool met_ = true;                   ///< the step before knew of them
+  int axis_ = 0;                      ///< of a.order
+  float reach_ = 0;                   ///< of neighbours, m
   std::array<float, kMostFunctions> row_;
-  std::array<float, 4 * kMostFunctions> between_;
 };
 
 /// A touch so fast that it could pass through is stopped in the step: few points share its momentum within

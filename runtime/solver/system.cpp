@@ -33,6 +33,12 @@ void addHolds(const Objective& objective, float* matrix) {
   }
 }
 
+void addMultiple(float factor, const float* x, std::uint32_t count, float* sum) {
+  std::uint32_t j = 0;
+  for (; j + 4 <= count; j += 4) Eigen::Array4f::Map(sum + j) += factor * Eigen::Array4f::Map(x + j);
+  for (; j < count; ++j) sum[j] += factor * x[j];
+}
+
 void addSprings(const Objective& objective, float* matrix) {
   const Field& field = *objective.field;
   const MinimizeScratch& s = *objective.scratch;
@@ -46,14 +52,8 @@ void addSprings(const Objective& objective, float* matrix) {
     } else {
       std::fill_n(row, i + 1, 0.0F);
     }
-    for (const Contact& c : s.contacts) {
-      const float firm = c.firm * c.phi[i];
-      for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * c.phi[j];
-    }
-    for (const TouchRow& t : objective.touch_rows) {
-      const float firm = t.firm * t.phi[i];
-      for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * t.phi[j];
-    }
+    for (const Contact& c : s.contacts) addMultiple(c.firm * c.phi[i], c.phi, i + 1, row);
+    for (const TouchRow& t : objective.touch_rows) addMultiple(t.firm * t.phi[i], t.phi, i + 1, row);
     addRow(field, i, row, matrix);
   }
 }

@@ -567,6 +567,14 @@ Pairs& PieceStep::carriedPairs() {
   return state.pairs;
 }
 
+// The other place to start from: the old shape, moved along unless it lies on something.
+void PieceStep::setOldPlace() {
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    const Vector3d old = s_.contacts.empty() ? movedAlong(j, center_) : oldPlaceOf(j);
+    setOffset(s_.next.data(), j, old - s_.prediction[j]);
+  }
+}
+
 void PieceStep::solve() {
   setFrame();
   useRestSystem(objective_, piece_.system);
@@ -574,9 +582,20 @@ void PieceStep::solve() {
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
   Pairs& pairs = carriedPairs();
-  // Where the old shape was the lower place the energy here is likely to do.
+  // Where the old shape was the end of the last step it is likely to be this one's.
   const bool stayed = std::exchange(piece_.state.stays, false) && !objective_.has_offset && s_.contacts.empty();
-  Objective::Value value = objective_.at(s_.d.data(), stayed ? nullptr : s_.gradient.data(), true);
+  Objective::Value old;
+  if (stayed) {
+    setOldPlace();
+    old = objective_.at(s_.next.data(), s_.next_gradient.data(), true);
+    piece_.state.stays = isSettled(objective_, s_.next.data(), s_.next_gradient.data());
+    if (piece_.state.stays) {
+      value_ = old;
+      std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
+      return;
+    }
+  }
+  Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
   const auto takeNext = [&](const Objective::Value& there) {
     value = there;
     std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
@@ -596,11 +615,7 @@ void PieceStep::solve() {
     value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
     return;
   }
-  // The other place to start from: the old shape, moved along unless it lies on something.
-  for (std::uint32_t j = field_.driven; j < k_; ++j) {
-    const Vector3d old = s_.contacts.empty() ? movedAlong(j, center_) : oldPlaceOf(j);
-    setOffset(s_.next.data(), j, old - s_.prediction[j]);
-  }
+  setOldPlace();
   if (!s_.contacts.empty()) {
     // Contacts come and go within a step: twice as many iterations at most (docs/decisions/0033-colliders.md).
     const std::uint32_t most = 4 * settings_.iterations;
@@ -622,7 +637,7 @@ void PieceStep::solve() {
       std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
     }
     if (piece_.state.elastic >= 0 && expected < value.total) {
-      const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+      old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
         takeNext(old);
         value_ = minimize(objective_, piece_.system, pairs, most, value);
@@ -641,16 +656,13 @@ void PieceStep::solve() {
     return;
   }
   // The old shape's energy is known.
-  const double expected = piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr);
-  if (piece_.state.elastic < 0 || expected < value.total) {
-    const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
-    if (old.total < value.total) {
-      takeNext(old);
-      piece_.state.stays = true;
-    }
-  }
-  if (stayed && !piece_.state.stays) value = objective_.at(s_.d.data(), s_.gradient.data(), false);
+  const bool may_stay = stayed || piece_.state.elastic < 0 ||
+                        piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr) < value.total;
+  if (may_stay && !stayed) old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+  const bool stays = may_stay && old.total < value.total;
+  if (stays) takeNext(old);
   value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
+  piece_.state.stays = stays && value_.total == value.total;
 }
 
 bool isUsable(const Piece& piece) {

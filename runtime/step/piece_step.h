@@ -160,6 +160,7 @@ class PieceStep {
   /// The last step's pairs, of the second derivative.
   Pairs& carriedPairs();
 
+  void setOldPlace();
   void solve();
 
   void settle();
