@@ -13,11 +13,13 @@ namespace {
 
 using Eigen::Vector3f;
 
-/// Of the colliders' points kMostOwn at most push a piece; a new one begins while fewer than kBeginning are before it,
-/// so that those at the edge of touching do not come and go.
+/// Of a collider's points kMostOwn at most push a piece; a new one begins while fewer than kBeginning are before it, so
+/// that those at the edge of touching do not come and go.
 constexpr std::uint32_t kMostOwn = 32, kBeginning = 24;
 /// Widest gap between points of a surface, of the root of the area that one stands for.
 constexpr double kGap = 1.5;
+/// What a piece's own points may let in between them, diagonals: more shows.
+constexpr double kLetIn = 0.005;
 /// Numbers along one edge of a box, around a capsule, along what a piece sees of an edge of a triangle.
 constexpr std::uint32_t kOnSide = 1U << 27, kOnRing = 64, kOnEdge = 32;
 
@@ -28,9 +30,7 @@ struct Spacing {
   double deep;   ///< what they let in without a point beside it, m
 };
 
-Spacing spacingOf(const Field& field, double diagonal) {
-  return {field.apart, kGap * field.apart, kPressedIn * diagonal};
-}
+Spacing spacingOf(const Field& field, double diagonal) { return {field.apart, kGap * field.apart, kLetIn * diagonal}; }
 
 struct ColliderPoint {
   std::uint32_t number;  ///< on its collider, less than kColliderPoint
@@ -152,16 +152,39 @@ Eigen::AlignedBox3d localBox(const Collider& collider, const Eigen::AlignedBox3d
   return local;
 }
 
+/// What a piece may meet in a step: places in its box, and of these those near its surface.
+struct Reach {
+  const TouchingPiece& piece;
+  Vector3d travel;  ///< of its centre in the step, backwards, m
+  double around;    ///< how far beyond its points it reaches, m
+  Eigen::AlignedBox3d box;
+
+  Reach(const TouchingPiece& seen, const ContactStep& step)
+      : piece(seen),
+        travel(seen.center_before.cast<double>()),
+        around(double(seen.stirring) + double(seen.map->bulge()) + step.fall.norm() + kMargin * step.diagonal),
+        box(seen.center + seen.low.cast<double>() + travel.cwiseMin(0) - Vector3d::Constant(around),
+            seen.center + seen.high.cast<double>() + travel.cwiseMax(0) + Vector3d::Constant(around)) {}
+
+  /// Whether what moves from one place to another one in the step may touch.
+  bool has(const Vector3d& before, const Vector3d& now) const {
+    if (!box.contains(now) && !box.contains(before)) return false;
+    const Vector3f rest = piece.turn.transpose() * (now - piece.center).cast<float>() + piece.rest_center;
+    const double way = (before - now - travel).norm();
+    return double(piece.map->distance(rest)) <= around + 2 * double(piece.bent) + way;
+  }
+};
+
 /// A collider as a piece that stands: 1, x, y, z are its functions, its pose their coefficients.
 class ColliderPiece {
  public:
-  /// Takes the points in a box, in the world, as far as there is room.
-  ColliderPiece(const Collider& collider, const Spacing& s, const Eigen::AlignedBox3d& box, std::uint32_t room)
+  /// Takes the points that a piece may meet, as far as there is room.
+  ColliderPiece(const Collider& collider, const Spacing& s, const Reach& reach, std::uint32_t room)
       : collider_(collider) {
-    const Eigen::AlignedBox3d local = localBox(collider, box);
+    const Eigen::AlignedBox3d local = localBox(collider, reach.box);
     forEachPoint(collider.shape, s, local, [&](std::uint32_t number, const Vector3d& at) {
       if (count_ == room || !local.contains(at)) return;
-      if (!box.contains(collider.pose.toWorld(at)) && !box.contains(collider.pose_before.toWorld(at))) return;
+      if (!reach.has(collider.pose_before.toWorld(at), collider.pose.toWorld(at))) return;
       // A corner of triangles has a place on each of its edges.
       for (std::uint32_t i = 0; i < count_; ++i) {
         if (points_[i].at == at) return;
@@ -287,23 +310,17 @@ void findPointContacts(const Piece& piece, const ContactStep& step, TouchingPiec
                        MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const Spacing s = spacingOf(field, step.diagonal);
-  // Where the piece is in the step.
-  const double around = double(seen.stirring) + double(seen.map->bulge()) + step.fall.norm() + kMargin * step.diagonal;
-  const Vector3d travel = seen.center_before.cast<double>();
-  const Eigen::AlignedBox3d box(
-      seen.center + seen.low.cast<double>() + travel.cwiseMin(0) - Vector3d::Constant(around),
-      seen.center + seen.high.cast<double>() + travel.cwiseMax(0) + Vector3d::Constant(around));
+  const Reach reach(seen, step);
   TouchList& list = lent.touches;
-  std::uint32_t looked = 0, pushing = 0;
   const float own = step.body->friction;
   for (std::uint32_t c = 0; c < step.colliders.size(); ++c) {
     const Collider& collider = *step.colliders[c];
-    if (collider.shape.isPlane() || !collider.bounds().intersects(box)) continue;
-    ColliderPiece points(collider, s, box, kMostLooked - looked);
+    if (collider.shape.isPlane() || !collider.bounds().intersects(reach.box)) continue;
+    ColliderPiece points(collider, s, reach, kMostLooked - std::uint32_t(list.touches.size()));
     if (points.count() == 0) continue;
-    looked += points.count();
     seen.friction = own >= 0 ? own : collider.settings.friction;
     const std::size_t first = list.touches.size();
+    std::uint32_t pushing = 0;
     findTouches(points.seenBy(seen, step, s.apart, {piece.state.touching.data(), piece.state.touching.size()}), seen, 0,
                 1, step.h, list);
     for (std::size_t i = first; i < list.touches.size(); ++i) {
@@ -329,7 +346,6 @@ void findPointContacts(const Piece& piece, const ContactStep& step, TouchingPiec
       contact.phi = row;
       scratch.contacts.push_back(contact);
     }
-    if (looked == kMostLooked) break;
   }
   std::sort(scratch.contacts.begin(), scratch.contacts.end(), [](const Contact& a, const Contact& b) {
     return a.collider != b.collider ? a.collider < b.collider : a.point < b.point;

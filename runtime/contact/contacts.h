@@ -17,8 +17,8 @@ namespace sinew::internal {
 /// before it: else those that sway at the edge of touching would exchange the last ones in each step. What lies inside
 /// a shape and does not carry is remembered, for it is to leave by the way by which it came in.
 inline constexpr std::uint32_t kMostCarrying = 96, kMostContacts = 128;
-/// Points of all colliders near a piece that are looked for at most.
-inline constexpr std::uint32_t kMostLooked = 64;
+/// Points of a collider near a piece's surface that are looked for at most, and touches of all colliders' points.
+inline constexpr std::uint32_t kMostLooked = 256;
 
 /// PieceState::touching has at most so many; kMostContacts where all colliders are planes.
 inline std::size_t mostTouching(const Field& field) { return kMostContacts + field.points.size(); }

@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/interact/pin_sets.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "runtime/geometry/rotation.h"
 
 namespace sinew::internal {
 namespace {
+
+/// Rounding of a matrix that was made of a quaternion, both of floats.
+constexpr float kRounding = 5e-7F;
 
 // Whether the vertices of a set count as held.
 void setHeld(Body& body, const PinSet& set, bool held) {
@@ -57,7 +63,15 @@ RigidTransform between(const RigidTransform& from, const RigidTransform& to, dou
   RigidTransform result;
   Mat3 mean;
   for (std::size_t i = 0; i < 3; ++i) result.position[i] = mixed(from.position[i], to.position[i]);
-  for (std::size_t i = 0; i < 9; ++i) mean[i] = mixed(from.rotation[i], to.rotation[i]);
+  float apart = 0;
+  for (std::size_t i = 0; i < 9; ++i) {
+    mean[i] = mixed(from.rotation[i], to.rotation[i]);
+    apart = std::max(apart, std::abs(to.rotation[i] - from.rotation[i]));
+  }
+  if (apart <= kRounding) {
+    result.rotation = to.rotation;
+    return result;
+  }
   const Matrix3 rotation = geometry::nearestRotation(asMatrix(mean));
   for (int i = 0; i < 9; ++i) result.rotation[std::size_t(i)] = rotation(i / 3, i % 3);
   return result;

@@ -850,6 +850,14 @@ TEST(Colliders, NarrowOnesCarry) {
       {"needles", atCorners(CapsuleShape{0.005F, 1}, -1.005F)},
       {"poles", atCorners(CapsuleShape{0.04F, 1}, -1.04F)},
       {"spikes", atCorners(HullShape{spike}, 0)},
+      {"nails",
+       [&](World& world) {
+         for (int i = 0; i < 100; ++i) {
+           ColliderSettings place;
+           place.at.position = {0.1F * float(i % 10) - 0.45F, -1.005F, 0.1F * float(i / 10) - 0.45F};
+           ASSERT_TRUE(world.addCollider(CapsuleShape{0.005F, 1}, place));
+         }
+       }},
       {"wires",
        [&](World& world) {
          for (const float x : {-0.24F, 0.26F}) {
@@ -883,6 +891,28 @@ TEST(Colliders, NarrowOnesCarry) {
       const Motion m = motionOf(world, body);
       EXPECT_NEAR(m.center[1], 0.5, 0.06) << name << ' ' << speed;
       EXPECT_LT(rmsSpeed(world, body), 2e-3) << name << ' ' << speed;
+    }
+  }
+}
+
+// Targets that are reached in parts, a rotation rounded in each, are reached: what stands wakes nothing.
+TEST(Colliders, LetSleepWhereTheyStand) {
+  const auto asset = touchingBox({1, 1, 1});
+  for (const float frames : {72.0F, 90.0F, 144.0F}) {
+    for (const double yaw : {0.3, 1.1, -2.3}) {
+      World world;
+      world.settings().sleep_seconds = 0.5F;
+      ColliderSettings floor;
+      floor.at.position = {0, -0.2F, 0};
+      const ColliderId id = *world.addCollider(BoxShape{{2, 0.1F, 2}}, floor);
+      const BodyId body = *world.addBody(asset, placed(0, 0.5, 0));
+      const RigidTransform end = {{0, -0.1F, 0}, turned(yaw, Vector3d(0.02, 1, 0.01))};
+      for (int i = 0; i < int(8 * frames); ++i) {
+        if (i == 10) world.moveCollider(id, end);
+        world.advance(1 / frames);
+      }
+      EXPECT_TRUE(world.isAsleep(body)) << frames << ' ' << yaw;
+      EXPECT_EQ(world.colliderPose(id).rotation, end.rotation);
     }
   }
 }
