@@ -162,7 +162,13 @@ class Search {
     } else if (!comes_out) {
       const double reach = margin_ + (to - start).norm();
       NearPlace place = collider.shape.near(to, reach);
-      if (place.distance < margin_) {
+      // A prediction that goes on as a thin part sprang leads away from what it lies on; and what has touched one side
+      // of a thin shape does not leave by the other.
+      const bool leads_away =
+          !(place.distance < margin_) ||
+          (touched != nullptr && place.normal.dot(Eigen::Map<const Vector3d>(touched->normal.data())) < 0);
+      if (!leads_away || !staysAt(start)) {
+        if (!(place.distance < margin_)) return false;
         Vector3d at = to;
         if (touched == nullptr) {  // what began inside leaves from there: the prediction may lie beyond
           const NearPlace before = collider.shape.near(from, reach);
@@ -174,8 +180,6 @@ class Search {
         found.normal = place.normal;
         found.offset = place.normal.dot(at) - place.distance;
         found.inside = touched == nullptr && place.normal.dot(from) < found.offset - margin_;
-      } else if (!staysAt(start)) {  // a prediction that goes on as a thin part sprang leads away from what it lies on
-        return false;
       }
     }
     found.touched = touched != nullptr;
@@ -533,10 +537,12 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
   for (Contact contact : scratch.contacts) {
     const Eigen::Vector3f moved = contact.way = objective.wayOf(contact.phi, scratch.d.data());
     const float rise = contact.normal.dot(moved), lag = contact.normal.dot(contact.lag);
-    if (!(contact.gap + lag + rise < 0)) continue;
-    const float gap = std::min(0.0F, contact.gap + rise);
+    const float gap = std::min(0.0F, contact.gap + rise), height = contact.floor + contact.gap + rise;
     const Collider& collider = *step.colliders[contact.collider];
     Vector3d at = contact.at;
+    const bool pushes = contact.gap + lag + rise < 0;
+    // What still is in a shape leaves by the way by which it came in.
+    if (!pushes && (!(height < 0) || collider.shape.isPlane() || contact.touch != formats::kNone)) continue;
     if (contact.touch != formats::kNone) {
       const TouchMemory memory = rememberTouch(lent.touches.touches[contact.touch], -moved);
       piece.state.touching.push_back(
@@ -556,8 +562,8 @@ void rememberContacts(Piece& piece, const ContactStep& step, const Vector3d& cen
       const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
       piece.state.touching.push_back({contact.point,
                                       collider.id,
-                                      contact.floor,
-                                      -(contact.gap + lag + rise),
+                                      pushes ? contact.floor : height,
+                                      pushes ? -(contact.gap + lag + rise) : 0,
                                       {anchor[0], anchor[1], anchor[2]},
                                       {normal[0], normal[1], normal[2]}});
     }
