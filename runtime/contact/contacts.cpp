@@ -153,12 +153,28 @@ class Search {
       found.offset = found.normal.dot(from) - height;
       return true;
     };
+    // Along a hollow a point slides into the wall: the plane is that where it gets to, or half-way.
+    const auto slide = [&] {
+      if (collider.shape.isConvex() || !collider.shape.hasTriangles()) return;
+      const Vector3d way = to - start, along = way - found.normal.dot(way) * found.normal;
+      if (!(along.norm() > margin_)) return;
+      const Vector3d on = start - (found.normal.dot(start) - found.offset) * found.normal;
+      for (const double part : {1.0, 0.5}) {
+        const Vector3d there = on + part * along;
+        const NearPlace place = collider.shape.near(there, along.norm());
+        if (!(place.distance < 0 && place.normal.dot(found.normal) > 0)) continue;
+        found.normal = place.normal;
+        found.offset = place.normal.dot(there) - place.distance;
+        return;
+      }
+    };
     // What began inside a convex collider still comes out, by the way that was chosen for all.
     const bool comes_out =
         touched != nullptr && double(touched->floor) < -margin_ && collider.shape.isConvex() && staysAt(from);
     if (PathHit hit; !comes_out && collider.shape.enters(start, to, hit)) {
       found.normal = hit.normal;
       found.offset = hit.normal.dot(start + hit.part * (to - start));
+      slide();
     } else if (!comes_out) {
       const double reach = margin_ + (to - start).norm();
       NearPlace place = collider.shape.near(to, reach);
@@ -167,7 +183,9 @@ class Search {
       const bool leads_away =
           !(place.distance < margin_) ||
           (touched != nullptr && place.normal.dot(Eigen::Map<const Vector3d>(touched->normal.data())) < 0);
-      if (!leads_away || !staysAt(start)) {
+      if (leads_away && staysAt(start)) {
+        slide();
+      } else {
         if (!(place.distance < margin_)) return false;
         Vector3d at = to;
         if (touched == nullptr) {  // what began inside leaves from there: the prediction may lie beyond

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <limits>
 #include <new>
 
 #include "runtime/contact/firmness.h"
@@ -93,6 +94,20 @@ double pressedInto(const Body& body, std::uint32_t collider) {
   return double(depth) + internal::kPressedIn * double(body.package().info().diagonal);
 }
 
+/// Of the body's points that touch a collider the one nearest to a place; null: none. All in its coordinates.
+const internal::TouchingPoint* touchingNear(const Body& body, std::uint32_t collider, const Eigen::Vector3d& place) {
+  const internal::TouchingPoint* nearest = nullptr;
+  double least2 = std::numeric_limits<double>::infinity();
+  for (const internal::Piece& piece : body.pieces) {
+    for (const internal::TouchingPoint& point : piece.state.touching) {
+      if (point.collider != collider || point.point >= internal::kColliderPoint) continue;
+      const double apart2 = (Eigen::Map<const Eigen::Vector3d>(point.anchor.data()) - place).squaredNorm();
+      if (apart2 < least2) nearest = &point, least2 = apart2;
+    }
+  }
+  return nearest;
+}
+
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
@@ -173,8 +188,18 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
         float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
         const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3f>(x).cast<double>();
         if (!plane && !collider->bounds().contains(at)) continue;
-        const internal::NearPlace near = collider->shape.near(pose.toLocal(at), deepest);
+        const Eigen::Vector3d local = pose.toLocal(at);
+        internal::NearPlace near = collider->shape.near(local, deepest);
         if (!(near.distance < 0 && near.distance > -deepest)) continue;
+        const internal::TouchingPoint* const touch = plane ? nullptr : touchingNear(body, id, local);
+        if (touch != nullptr) {
+          // Out of the side that the body touches, of a thin shape.
+          const Eigen::Map<const Eigen::Vector3d> normal(touch->normal.data()), anchor(touch->anchor.data());
+          if (near.normal.dot(normal) < 0) {
+            near = {normal.dot(local - anchor) + double(touch->floor - touch->depth), normal};
+            if (!(near.distance < 0 && near.distance > -deepest)) continue;
+          }
+        }
         const Eigen::Vector3d out_of = at - near.distance * (pose.rotation * near.normal);
         for (std::size_t c = 0; c < 3; ++c) x[c] = float(out_of[int(c)]);
       }
