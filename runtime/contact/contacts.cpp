@@ -2,6 +2,7 @@
 #include "runtime/contact/contacts.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -116,6 +117,7 @@ class Search {
   }
 
   void lookAtShape(std::uint32_t number, const Collider& collider) {
+    seen_ = 0;
     const Eigen::AlignedBox3d& bounds = collider.bounds();
     const Eigen::AlignedBox3f box((bounds.min() - center_).cast<float>().array() - float(margin_),
                                   (bounds.max() - center_).cast<float>().array() + float(margin_));
@@ -144,6 +146,7 @@ class Search {
       height = std::min(0.0, double(touched->floor - touched->depth));
       start += (kResolved * step_.diagonal - height) * Eigen::Map<const Vector3d>(touched->normal.data());
     }
+    if (touched == nullptr && isClear(to, margin_ + (to - from).norm())) return false;
     Candidate found = {p, number, touched != nullptr, Vector3d::Zero(), 0};
     found.from = from;
     // The plane of the last step, as far as the collider reaches.
@@ -178,6 +181,8 @@ class Search {
     } else if (!comes_out) {
       const double reach = margin_ + (to - start).norm();
       NearPlace place = collider.shape.near(to, reach);
+      if (collider.shape.hasTriangles() && place.distance > 0)
+        see(to, std::isfinite(place.distance) ? place.distance : reach);
       // A prediction that goes on as a thin part sprang leads away from what it lies on; and what has touched one side
       // of a thin shape does not leave by the other.
       const bool leads_away =
@@ -205,6 +210,17 @@ class Search {
     lent_.candidates.push_back(found);
     return true;
   }
+
+  /// Whether a place is farther from the collider than this, by what is known of others: no distance changes by more
+  /// than one goes.
+  bool isClear(const Vector3d& place, double distance) const {
+    const auto all = std::span(clear_).first(std::min(seen_, clear_.size()));
+    return std::any_of(all.begin(), all.end(), [&](const Clear& clear) {
+      const double left = clear.distance - distance;
+      return left > 0 && (place - clear.at).squaredNorm() < left * left;
+    });
+  }
+  void see(const Vector3d& place, double distance) { clear_[seen_++ % clear_.size()] = {place, distance}; }
 
   /// A piece that begins within a convex collider leaves by one way, the shortest for all points there (the depth of
   /// two convex shapes): by ways of their own, to several sides, they would tear it apart. Points that came in beside
@@ -368,6 +384,13 @@ class Search {
   MinimizeScratch& scratch_;
   const std::uint32_t count_, blocks_;
   const double margin_;
+  /// A place that no surface of the collider at hand is nearer to, in its coordinates.
+  struct Clear {
+    Vector3d at;
+    double distance;
+  };
+  std::array<Clear, 16> clear_;
+  std::size_t seen_ = 0;
 };
 
 }  // namespace
