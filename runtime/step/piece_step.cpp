@@ -601,6 +601,8 @@ void PieceStep::solve() {
     std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
     std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
   };
+  // What pin sets move takes more: what is left lacks in the forces on them.
+  std::uint32_t most = (field_.driven > 0 ? 4 : 2) * settings_.iterations;
   if (objective_.has_offset) {
     if (field_.driven == 0) {
       // What springs hold goes on where they do.
@@ -612,13 +614,13 @@ void PieceStep::solve() {
         if (moved.total < value.total) takeNext(moved);
       }
     }
-    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
+    value_ = minimize(objective_, piece_.system, pairs, most, value);
     return;
   }
   setOldPlace();
   if (!s_.contacts.empty()) {
     // Contacts come and go within a step: twice as many iterations at most (docs/decisions/0033-colliders.md).
-    const std::uint32_t most = 4 * settings_.iterations;
+    most = 4 * settings_.iterations;
     // A touching piece starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
     // all that push have touched before the old place is as good a start, and at rest the end.
     std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
@@ -661,7 +663,7 @@ void PieceStep::solve() {
   if (may_stay && !stayed) old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
   const bool stays = may_stay && old.total < value.total;
   if (stays) takeNext(old);
-  value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
+  value_ = minimize(objective_, piece_.system, pairs, most, value);
   piece_.state.stays = stays && value_.total == value.total;
 }
 
