@@ -824,6 +824,63 @@ TEST(Colliders, NothingHangsOnAThinWall) {
   }
 }
 
+/// A half ball of a wall, open above, its rim at y = 0.
+Surface ballBowl(double radius, double wall) {
+  constexpr std::uint32_t kRings = 16, kAround = 32, kShell = kRings * kAround + 1;  // the last ring is one place
+  Surface mesh;
+  for (const double r : {radius - wall, radius}) {
+    for (std::uint32_t i = 0; i < kRings; ++i) {
+      for (std::uint32_t k = 0; k < kAround; ++k) {
+        const double polar = 0.5 * M_PI * i / kRings, around = 2 * M_PI * k / kAround;
+        mesh.positions.push_back({float(r * std::cos(polar) * std::cos(around)), float(-r * std::sin(polar)),
+                                  float(r * std::cos(polar) * std::sin(around))});
+      }
+    }
+    mesh.positions.push_back({0, float(-r), 0});
+  }
+  for (std::uint32_t k = 0; k < kAround; ++k) {
+    const std::uint32_t next = (k + 1) % kAround;
+    const auto add = [&mesh](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      mesh.triangles.push_back({a, b, c});                             // of the hollow
+      mesh.triangles.push_back({kShell + a, kShell + c, kShell + b});  // of the outside
+    };
+    for (std::uint32_t i = 0; i + 1 < kRings; ++i) {
+      const std::uint32_t a = i * kAround + k, b = i * kAround + next;
+      add(a, a + kAround, b);
+      add(b, a + kAround, b + kAround);
+    }
+    const std::uint32_t last = (kRings - 1) * kAround;
+    add(last + k, kShell - 1, last + next);
+    mesh.triangles.push_back({k, next, kShell + k});
+    mesh.triangles.push_back({next, kShell + next, kShell + k});
+  }
+  return mesh;
+}
+
+// A thin wall has two sides: what came in by one does not leave by the other. Corners lie half-way in it at rest.
+TEST(Colliders, WhatLiesInABowlStaysThere) {
+  const auto asset = touchingBox({0.07, 0.02, 0.07}, 6);
+  constexpr double kRadius = 0.09, kWall = 0.008;
+  const Surface bowl = ballBowl(kRadius, kWall);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> chance(-1, 1);
+  for (int i = 0; i < 40; ++i) {
+    World world;
+    ASSERT_TRUE(world.addCollider(MeshShape{bowl.positions, bowl.triangles}, {}));
+    const double x = 0.015 * chance(random), z = 0.015 * chance(random);
+    BodySettings food = placed(x, 0.08, z, turned(3 * chance(random), {0, 0, 1}));
+    food.stiffness_scale = 25;
+    const BodyId body = *world.addBody(asset, food);
+    run(world, 3);
+    double farthest = 0;
+    for (const Vec3& place : world.positions(body)) {
+      if (place[1] < 0) farthest = std::max(farthest, wide(place).norm());
+    }
+    EXPECT_LT(farthest, kRadius - 0.4 * kWall) << i;
+    EXPECT_LT(rmsSpeed(world, body), 2e-3) << i;
+  }
+}
+
 // What fits between contact points has points of its own.
 TEST(Colliders, NarrowOnesCarry) {
   const auto asset = touchingBox({1, 1, 1}, 6);
