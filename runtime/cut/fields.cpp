@@ -31,6 +31,8 @@ constexpr double kNoStiffness = 1e-9;
 /// Of the stiffness of the least affine shape: functions of less are none. A neck of a tenth of a body's width has
 /// 1e-2.
 constexpr double kSlack = 1e-3;
+/// Functions of a part at most, or as many as its parent has: each slit adds some.
+constexpr Eigen::Index kMostFunctions = 96;
 
 /// Blocks of eight rows: element j of block b holds column j of rows 8 b .. 8 b + 7.
 void appendBlocks(const MatrixXd& rows, std::vector<formats::Lanes>& to) {
@@ -111,9 +113,9 @@ class CutField {
     }
   }
 
-  /// What of the functions beyond the affine ones, which are first, resists: free x these. Along a body no shape that
-  /// is not affine has much less energy than the least affine one (Poincare's inequality); what has moves corners that
-  /// have hardly a volume, and nothing would hold these.
+  /// What of the functions beyond the affine ones, which are first, resists: free x these, the softest of many. Along a
+  /// body no shape that is not affine has much less energy than the least affine one (Poincare's inequality); what has
+  /// moves corners that have hardly a volume, and nothing would hold these.
   MatrixXd resisting(const MatrixXd& energy) const {
     const Index n = energy.rows(), affine = functions_.affine, others = n - affine;
     const Index rigid = functions_.driven == 0 ? 1 : 0;
@@ -122,9 +124,11 @@ class CutField {
     const geometry::SymmetricEigen beyond = geometry::symmetricEigen(energy.bottomRightCorner(others, others));
     Index slack = 0;
     while (slack < others && !(beyond.values[slack] > kSlack * least)) ++slack;
-    MatrixXd kept = MatrixXd::Zero(n, n - slack);
+    const Index most = std::max<Index>(kMostFunctions, parent_.own()) - functions_.driven - affine;
+    const Index count = std::clamp<Index>(others - slack, 0, std::max<Index>(most, 0));
+    MatrixXd kept = MatrixXd::Zero(n, affine + count);
     kept.topLeftCorner(affine, affine).setIdentity();
-    kept.bottomRightCorner(others, others - slack) = beyond.vectors.rightCols(others - slack);
+    kept.bottomRightCorner(others, count) = beyond.vectors.middleCols(slack, count);
     return kept;
   }
 

@@ -45,6 +45,7 @@ class Opening {
   struct Crossed {
     Gap gap;
     bool cut = false;
+    bool severed = false;  ///< no tetrahedra lead from one side of it to the other
     /// Of the corners, on the side on which they do not lie.
     std::array<std::uint32_t, 4> ghost = {};
   };
@@ -174,6 +175,7 @@ class Opening {
       for (std::size_t k = 0; k < 4; ++k) together_->join(first + copyOf(t, side), cornerOf(t, side, k));
     });
     for (std::uint32_t p = 0; p < package_.parts().size(); ++p) joinRider(p);
+    for (Crossed& one : crossed_) one.severed = one.cut && !isOne(one);
     for (const Fragment& fragment : surface_.fragments) {
       for (const std::uint32_t corner : fragment.corner)
         together_->join(rootOf(fragment, fragment.corner[0]), rootOf(fragment, corner));
@@ -187,6 +189,8 @@ class Opening {
     }
   }
 
+  /// Whether both sides hang together.
+  bool isOne(const Crossed& one) { return rootOf(one.gap.tetrahedron, -1) == rootOf(one.gap.tetrahedron, 1); }
   std::uint32_t rootOf(std::uint32_t t, Side side) {
     return together_->find(vertices_ + 4 * std::uint32_t(crossed_.size()) + copyOf(t, side));
   }
@@ -210,7 +214,8 @@ class Opening {
     }
   }
 
-  /// Takes back cuts that open nothing, or leave what is too small. \return whether there were any.
+  /// Takes back cuts that open nothing, leave what is too small, or sever what the drawn surface does not: nothing
+  /// would hold that. \return whether there were any.
   bool mend(double least) {
     const std::uint32_t first = vertices_ + 4 * std::uint32_t(crossed_.size());
     std::vector<double> mass(std::size_t(first) + 2 * std::size_t(tetrahedra_), 0);
@@ -227,7 +232,8 @@ class Opening {
       if (!one.cut) continue;
       const std::uint32_t t = one.gap.tetrahedron;
       bool opens = false;
-      for (std::size_t k = 0; k < 4; ++k) opens = opens || one.ghost[k] != cornersOf(t)[k];
+      const bool hangs = one.severed && isOne(one);
+      for (std::size_t k = 0; k < 4 && !hangs; ++k) opens = opens || one.ghost[k] != cornersOf(t)[k];
       for (const Side side : kSides) {
         const std::uint32_t root = rootOf(t, side);
         opens = opens && drawn[root] != 0 && !(mass[root] < enough);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <vector>
 
+#include "runtime/geometry/sets.h"
 #include "sinew/c_api.h"
 #include "sinew/runtime/cut.h"
 #include "sinew/runtime/world.h"
@@ -306,6 +307,35 @@ TEST(Slit, RandomQuadrilateralsOverBentBodies) {
       ++done;
     }
     EXPECT_GT(done, 60U);
+  }
+}
+
+/// Whether chains of tetrahedra that share corners lead from each to all others.
+bool hangsTogether(const formats::PackageView& package) {
+  geometry::Sets corners(package.physicalVertices().size());
+  for (const formats::Tetrahedron& t : package.tetrahedra()) {
+    for (const std::uint32_t v : t.vertex) corners.join(t.vertex[0], v);
+  }
+  const auto first = corners.find(0);
+  for (std::uint32_t v = 1; v < package.physicalVertices().size(); ++v) {
+    if (corners.find(v) != first) return false;
+  }
+  return true;
+}
+
+// A slit that meets others severs what it may, and no more than the surface shows: what only that holds would fall out.
+TEST(Slit, ManySlitsLeaveNothingLoose) {
+  for (std::uint64_t first = 0; first < 3; ++first) {
+    auto asset = boxAsset({.cells = {6, 6, 6}, .size = {1, 1, 1}, .keep = {}});
+    for (std::uint64_t i = 0; i < 25; ++i) {
+      const auto cut = cutAsset(*asset, restOf(*asset), randomSlit(restOf(*asset), 1000 * first + i));
+      if (!cut) continue;
+      asset = std::max_element(cut->parts.begin(), cut->parts.end(), [](const CutPart& a, const CutPart& b) {
+                return a.mass < b.mass;
+              })->asset;
+      ASSERT_TRUE(hangsTogether(asset->package())) << first << ' ' << i;
+      EXPECT_LE(asset->package().fields()[0].function_count, 96U);
+    }
   }
 }
 
