@@ -64,6 +64,14 @@ sinew_status sinew_asset_in_place(const void* bytes, size_t size, sinew_asset** 
 
 void sinew_asset_release(sinew_asset* asset) { delete asset; }
 
+sinew_status sinew_asset_prepare_drawing(const sinew_asset* asset) {
+  if (asset == nullptr) return failNull("sinew_asset_prepare_drawing");
+  return guarded("sinew_asset_prepare_drawing", [&] {
+    asset->asset->prepareDrawing();
+    return SINEW_OK;
+  });
+}
+
 sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asset_info* info) {
   if (asset == nullptr || info == nullptr) return failNull("sinew_asset_get_info");
   const sinew::formats::PackageView& package = asset->asset->package();

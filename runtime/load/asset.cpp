@@ -115,6 +115,8 @@ std::span<const std::array<float, 4>> Asset::restTangents() const {
   return lazy_->tangents;
 }
 
+void Asset::prepareDrawing() const { (void)visualConstants(); }
+
 std::uint32_t Asset::levels() const {
   return view_.allFields().empty() ? 1 : std::uint32_t(view_.allFields().back().level) + 1;
 }

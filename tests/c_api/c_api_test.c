@@ -117,6 +117,8 @@ static void testAsset(const char* path, sinew_asset** asset) {
     CHECK(older.physical_vertices == info.physical_vertices && older.clusters == 0x5a5a5a5au);
   }
 
+  CHECK_OK(sinew_asset_prepare_drawing(*asset));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_prepare_drawing(NULL));
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('V', 'T', 'R', 'I'), &data, &count, &bytes_each));
   CHECK(data != NULL && count == info.visual_triangles && bytes_each == 12);
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('C', 'L', 'U', 'S'), &data, &count, &bytes_each));

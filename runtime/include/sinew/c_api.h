@@ -66,6 +66,8 @@ SINEW_API sinew_status sinew_asset_from_memory(const void* bytes, size_t size, s
 SINEW_API sinew_status sinew_asset_in_place(const void* bytes, size_t size, sinew_asset** asset);
 /* Bodies keep what they need: an asset may be released while they live. Null is ignored. */
 SINEW_API void sinew_asset_release(sinew_asset* asset);
+/* Makes now what the first output of a body would make: for threads that load. */
+SINEW_API sinew_status sinew_asset_prepare_drawing(const sinew_asset* asset);
 
 typedef struct sinew_asset_info {
   uint32_t struct_size;
