@@ -48,6 +48,41 @@ double touchOf(const Vector3d& from, const Vector3d& way, double radius, const D
   return kInfinity;
 }
 
+/// The sides of a path, a box along it, beyond which points lie: a triangle whose corners share one is not near it
+/// (outcodes of Cohen and Sutherland: Newman, Sproull 1979).
+class PathSides {
+ public:
+  PathSides(const Vector3d& from, const Vector3d& way, double radius) {
+    constexpr double kRounding = 1e-12;
+    const double length = way.norm(), room = radius + kRounding * (from.norm() + length);
+    axis_[0] = way / length;
+    axis_[1] = axis_[0].unitOrthogonal();
+    axis_[2] = axis_[0].cross(axis_[1]);
+    for (int c = 0; c < 3; ++c) {
+      const double at = axis_[c].dot(from);
+      low_[c] = at - room;
+      high_[c] = at + room + (c == 0 ? length : 0);
+    }
+  }
+
+  void find(std::span<const Vec3> points, internal::Array<std::uint8_t>& sides) const {
+    sides.resize(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double x = double(points[i][0]), y = double(points[i][1]), z = double(points[i][2]);
+      unsigned side = 0;
+      for (int c = 0; c < 3; ++c) {
+        const double at = axis_[c][0] * x + axis_[c][1] * y + axis_[c][2] * z;
+        side |= (unsigned(at < low_[c]) | unsigned(at > high_[c]) << 1) << 2 * c;
+      }
+      sides[i] = std::uint8_t(side);
+    }
+  }
+
+ private:
+  Vector3d axis_[3];
+  double low_[3], high_[3];
+};
+
 /// Solid angle of a triangle over 4 pi (Van Oosterom, Strackee 1983): their sum over a closed surface is 1 inside it.
 double windingOf(const Corners& t, const Vector3d& p) {
   const Vector3d a = t.at[0] - p, b = t.at[1] - p, c = t.at[2] - p;
@@ -210,9 +245,16 @@ std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double r
     found(at, point, arm.norm() > 0 && radius > 0 ? Vector3d(arm.normalized()) : normalOf(t));
   };
   return guarded(call, std::optional<CastHit>(), [&] {
+    const PathSides path(from, way, radius);
+    internal::Array<std::uint8_t> sides(memory);
     forEachDrawn(filter, [&](const Body& body, std::span<const Vec3> drawn) {
+      path.find(drawn, sides);
       std::uint32_t number = 0;
       for (const formats::Triangle& t : body.package().visualTriangles()) {
+        if ((sides[t[0]] & sides[t[1]] & sides[t[2]]) != 0) {
+          ++number;
+          continue;
+        }
         const Corners corners = {{wide(drawn[t[0]]), wide(drawn[t[1]]), wide(drawn[t[2]])}};
         lookAt(corners, [&](double at, const Vector3d& point, const Vector3d& normal) {
           take({body.id, {}}, at, point, normal, number);
