@@ -48,6 +48,18 @@ double touchOf(const Vector3d& from, const Vector3d& way, double radius, const D
   return kInfinity;
 }
 
+/// Square of the distance of a triangle's box, without Eigen's calls: most are looked at no further.
+double boxDistance2(std::span<const Vec3> points, const formats::Triangle& t, const Vec3& place) {
+  double sum = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const float a = points[t[0]][c], b = points[t[1]][c], d = points[t[2]][c], p = place[c];
+    const float low = std::min(a, std::min(b, d)), high = std::max(a, std::max(b, d));
+    const double way = double(std::max(low, std::min(high, p))) - double(p);
+    sum += way * way;
+  }
+  return sum;
+}
+
 /// The sides of a path, a box along it, beyond which points lie: a triangle whose corners share one is not near it
 /// (outcodes of Cohen and Sutherland: Newman, Sproull 1979).
 class PathSides {
@@ -333,6 +345,7 @@ BodyPoint World::nearestPoint(BodyId id, Vec3 place) const {
     impl_->drawInto(*body, drawn);
     double least = kInfinity;
     for (const formats::Triangle& t : body->package().visualTriangles()) {
+      if (boxDistance2({drawn.data(), drawn.size()}, t, place) > least * least) continue;
       const Corners corners = {{wide(drawn[t[0]]), wide(drawn[t[1]]), wide(drawn[t[2]])}};
       const double distance = distanceTo(corners, wide(place));
       if (!(distance < least)) continue;
