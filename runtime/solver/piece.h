@@ -60,7 +60,8 @@ struct PieceState {
   Vector3d omega = Vector3d::Zero();  ///< angular velocity when it began, rad/s
   double elastic = -1;                ///< energy that the shape stores, J; negative: not known
   bool leaning = false;               ///< on other pieces, of which one is held
-  bool stays = false;                 ///< its old shape was the end of its last step
+  bool stays = false;                 ///< its old shape was a lower place to start from than the prediction
+  bool rests = false;                 ///< and the end of the step
   Array<TouchingPoint> touching;      ///< by collider, then by point
   Array<float> plastic;               ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
   /// Of the last step, its inertia of a length pairs_h, s; none where h_before is 0.

@@ -18,7 +18,7 @@
 namespace sinew::internal {
 namespace {
 
-constexpr std::uint32_t kHeld = 1, kLeaning = 2, kStays = 4;  ///< of SavedPiece::flags
+constexpr std::uint32_t kHeld = 1, kLeaning = 2, kStays = 4, kRests = 8;  ///< of SavedPiece::flags
 
 /// A PieceState without its arrays, which follow: z, v, z_before, v_before, z_rest, touching, plastic, pairs.
 struct SavedPiece {
@@ -43,7 +43,8 @@ std::uint32_t pairsOf(const PieceState& state) {
 
 SavedPiece savedOf(const Piece& piece) {
   const PieceState& state = piece.state;
-  SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U) | (state.stays ? kStays : 0U),
+  SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U) | (state.stays ? kStays : 0U) |
+                          (state.rests ? kRests : 0U),
                       std::uint32_t(state.z.size()),
                       std::uint32_t(state.touching.size()),
                       std::uint32_t(state.plastic.size()),
@@ -239,7 +240,8 @@ class CoupledSolver final : public BodySolver {
       const auto level = std::uint32_t(std::min<std::uint64_t>(saved.level, formats::kNone));
       const Field* const field = fieldOf(body_.rest().fields, piece.free->piece, (saved.flags & kHeld) != 0, level);
       if (field == nullptr || saved.functions != field->k || saved.touching > mostTouching(*field) ||
-          saved.flags > (kHeld | kLeaning | kStays) || saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
+          saved.flags > (kHeld | kLeaning | kStays | kRests) ||
+          saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
           !(saved.h_before >= 0 && std::isfinite(saved.h_before)) || saved.pairs > PieceState::kPairs ||
           (saved.pairs > 0 && !(saved.pairs_h > 0)) || bytes.size() - sizeof saved < arrayBytes(saved)) {
         return false;
@@ -281,6 +283,7 @@ class CoupledSolver final : public BodySolver {
       state.held = (saved.flags & kHeld) != 0;
       state.leaning = (saved.flags & kLeaning) != 0;
       state.stays = (saved.flags & kStays) != 0;
+      state.rests = (saved.flags & kRests) != 0;
       state.h_before = saved.h_before;
       state.elastic = saved.elastic;
       state.budget = saved.budget;

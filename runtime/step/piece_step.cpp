@@ -582,20 +582,24 @@ void PieceStep::solve() {
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
   Pairs& pairs = carriedPairs();
-  // Where the old shape was the end of the last step it is likely to be this one's.
-  const bool stayed = std::exchange(piece_.state.stays, false) && !objective_.has_offset && s_.contacts.empty();
+  // Where the old shape was the lower place the energy here is likely to do, and where it was the end as well it is
+  // likely to be this step's.
+  const bool alone = !objective_.has_offset && s_.contacts.empty();
+  const bool stayed = std::exchange(piece_.state.stays, false) && alone,
+             rested = std::exchange(piece_.state.rests, false) && alone;
   Objective::Value old;
-  if (stayed) {
+  if (rested) {
     setOldPlace();
     old = objective_.at(s_.next.data(), s_.next_gradient.data(), true);
-    piece_.state.stays = isSettled(objective_, s_.next.data(), s_.next_gradient.data());
-    if (piece_.state.stays) {
+    if (isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
+      piece_.state.stays = piece_.state.rests = true;
       value_ = old;
       std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
       return;
     }
   }
-  Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
+  const bool known = stayed && !rested;
+  Objective::Value value = objective_.at(s_.d.data(), known ? nullptr : s_.gradient.data(), true);
   const auto takeNext = [&](const Objective::Value& there) {
     value = there;
     std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
@@ -658,13 +662,15 @@ void PieceStep::solve() {
     return;
   }
   // The old shape's energy is known.
-  const bool may_stay = stayed || piece_.state.elastic < 0 ||
+  const bool may_stay = rested || piece_.state.elastic < 0 ||
                         piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr) < value.total;
-  if (may_stay && !stayed) old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+  if (may_stay && !rested) old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
   const bool stays = may_stay && old.total < value.total;
   if (stays) takeNext(old);
+  if (known && !stays) value = objective_.at(s_.d.data(), s_.gradient.data(), false);
   value_ = minimize(objective_, piece_.system, pairs, most, value);
-  piece_.state.stays = stays && value_.total == value.total;
+  piece_.state.stays = stays;
+  piece_.state.rests = stays && value_.total == value.total;
 }
 
 bool isUsable(const Piece& piece) {
