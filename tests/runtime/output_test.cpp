@@ -318,7 +318,8 @@ TEST(Outputs, WhatRestsIsDrawnOnWhatItRestsOn) {
   const Support supports[] = {{PlaneShape{{0, 1, 0}, 0}, {0, 0, 0}, {0, 1, 0}},
                               {PlaneShape{leaning, 0}, {0, 0, 0}, {-std::sin(tilt), std::cos(tilt), 0}},
                               {BoxShape{{3, 1, 3}}, {0, -1, 0}, {0, 1, 0}},
-                              {BoxShape{{3, 1, 3}}, {4000, -1, 0}, {0, 1, 0}}};
+                              {BoxShape{{3, 1, 3}}, {4000, -1, 0}, {0, 1, 0}},
+                              {BoxShape{{3, 1.2e-3F, 3}}, {0, -1.2e-3F, 0}, {0, 1, 0}}};  // deeper than half of it
   for (const Support& support : supports) {
     WorldSettings settings;
     settings.ground.enabled = false;
