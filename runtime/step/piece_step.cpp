@@ -587,24 +587,24 @@ void PieceStep::solve() {
   const bool alone = !objective_.has_offset && s_.contacts.empty();
   const bool stayed = std::exchange(piece_.state.stays, false) && alone,
              rested = std::exchange(piece_.state.rests, false) && alone;
-  Objective::Value old;
-  if (rested) {
-    setOldPlace();
-    old = objective_.at(s_.next.data(), s_.next_gradient.data(), true);
-    if (isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
-      piece_.state.stays = piece_.state.rests = true;
-      value_ = old;
-      std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
-      return;
-    }
-  }
-  const bool known = stayed && !rested;
-  Objective::Value value = objective_.at(s_.d.data(), known ? nullptr : s_.gradient.data(), true);
+  Objective::Value value, old;
   const auto takeNext = [&](const Objective::Value& there) {
     value = there;
     std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
     std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
   };
+  if (rested) {
+    setOldPlace();
+    old = objective_.at(s_.next.data(), s_.next_gradient.data(), true);
+    if (isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
+      piece_.state.stays = piece_.state.rests = true;
+      takeNext(old);
+      value_ = value;
+      return;
+    }
+  }
+  const bool known = stayed && !rested;
+  value = objective_.at(s_.d.data(), known ? nullptr : s_.gradient.data(), true);
   // What pin sets move takes more: what is left lacks in the forces on them.
   std::uint32_t most = (field_.driven > 0 ? 4 : 2) * settings_.iterations;
   if (objective_.has_offset) {
