@@ -10,7 +10,7 @@ namespace sinew::internal {
 namespace {
 
 /// Rounding of a matrix that was made of a quaternion, both of floats.
-constexpr float kRounding = 5e-7F;
+constexpr float kTurnRounding = 5e-7F;
 
 // Whether the vertices of a set count as held.
 void setHeld(Body& body, const PinSet& set, bool held) {
@@ -68,7 +68,7 @@ RigidTransform between(const RigidTransform& from, const RigidTransform& to, dou
     mean[i] = mixed(from.rotation[i], to.rotation[i]);
     apart = std::max(apart, std::abs(to.rotation[i] - from.rotation[i]));
   }
-  if (apart <= kRounding) {
+  if (apart <= kTurnRounding) {
     result.rotation = to.rotation;
     return result;
   }
