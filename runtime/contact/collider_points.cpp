@@ -18,7 +18,8 @@ using Eigen::Vector3f;
 constexpr std::uint32_t kMostOwn = 32, kBeginning = 24;
 /// Widest gap between points of a surface, of the root of the area that one stands for.
 constexpr double kGap = 1.5;
-/// What a piece's own points may let in between them, diagonals: more shows.
+/// What a piece's own points may let in between them, diagonals: r - (r^2 - (gap / 2)^2)^1/2 of isNarrow(), and
+/// (gap / 2) tan(turn / 2) of an edge. A quarter of what the drawn surface is lifted out by (kPressedIn).
 constexpr double kLetIn = 0.005;
 /// Numbers along one edge of a box, around a capsule, along what a piece sees of an edge of a triangle.
 constexpr std::uint32_t kOnSide = 1U << 27, kOnRing = 64, kOnEdge = 32;

@@ -33,6 +33,7 @@ void addHolds(const Objective& objective, float* matrix) {
   }
 }
 
+/// sum += factor x, four numbers at once: -O2 leaves loops of unknown length scalar.
 void addMultiple(float factor, const float* x, std::uint32_t count, float* sum) {
   std::uint32_t j = 0;
   for (; j + 4 <= count; j += 4) Eigen::Array4f::Map(sum + j) += factor * Eigen::Array4f::Map(x + j);
