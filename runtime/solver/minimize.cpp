@@ -20,6 +20,9 @@ constexpr std::uint32_t kCuts = 2;
 constexpr std::uint32_t kPairs = 3;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
+/// What pushes is balanced to this part of the inertia: firm springs, kappa h^2 / m of which may be thousands, have all
+/// of their load and friction on a way shorter than the last.
+constexpr double kBalanced = 1e-2;
 /// Rounding of shapes in floats, of their size.
 constexpr double kRounding = 3e-7;
 /// Squared frequencies of most elastic modes are below this times the lowest one's.
@@ -443,9 +446,7 @@ double Objective::heldByContacts(const float* direction, bool carrying) const {
 }
 
 double Objective::fallen2(const float* gradient) const {
-  const auto& contacts = scratch->contacts;
   if (has_springs || holds != nullptr || field->driven > 0) return 0;
-  if (std::any_of(contacts.begin(), contacts.end(), [](const Contact& c) { return gapOf(c) < 0; })) return 0;
   Eigen::Vector3d pull = Eigen::Vector3d::Zero();
   double mass = 0;
   for (std::uint32_t j = 0; j < field->k; ++j) {
@@ -453,7 +454,13 @@ double Objective::fallen2(const float* gradient) const {
     pull += one * Eigen::Map<const Eigen::Vector3f>(gradient + 4 * j).cast<double>();
     mass += one * one;
   }
-  return h * h * h * h * pull.squaredNorm() / mass;
+  const double least = isPushed() ? kSettled / kBalanced : 1;
+  return least * least * (h * h * h * h) * pull.squaredNorm() / mass;
+}
+
+bool Objective::isPushed() const {
+  const auto& contacts = scratch->contacts;
+  return std::any_of(contacts.begin(), contacts.end(), [](const Contact& c) { return gapOf(c) < 0; });
 }
 
 double Objective::settled2(double way2) const {
@@ -577,8 +584,10 @@ double Minimand::unsettled2(const float* direction, const float* d) const {
 }
 
 double Minimand::fallen2(const float* gradient, const float* d) const {
+  if (isAlone()) return pieces[0]->fallen2(gradient) / settled2(0, d);
   double most = 0;
   for (std::uint32_t i = 0; i < pieces.size(); ++i) {
+    if (pieces[i]->isPushed()) continue;
     const auto rows = pieces[i]->touch_rows;
     if (std::any_of(rows.begin(), rows.end(), [this](const TouchRow& row) { return pushes(row); })) continue;
     most = std::max(most, pieces[i]->fallen2(gradient + first[i]) / settled2(i, d));
@@ -636,9 +645,10 @@ bool Minimand::renew(const float* d, const float* next_gradient, const float* di
 namespace {
 
 /// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
-/// slope, so that the minimum lies at slope / (slope - held) times its length; and what nothing pushes falls by itself.
-bool staysShort(double squared_length, double most, double slope, double held, double fallen2) {
-  if (held > 0 && fallen2 > most) return false;
+/// slope, so that the minimum lies at slope / (slope - held) times its length; and as a whole it goes by what no contact
+/// balances.
+bool staysShort(double squared_length, double most, double slope, double held, double fallen2, bool pushed = false) {
+  if ((held > 0 || pushed) && fallen2 > most) return false;
   const double left = 1 - held / slope;
   return left > 0 && squared_length <= left * left * most;
 }
@@ -653,7 +663,7 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   objective.precondition(direction);
   return staysShort(dot(direction + first, direction + first, n), objective.settled2(dot(d + first, d + first, n)),
                     dot(gradient + first, direction + first, n), objective.heldByContacts(direction),
-                    objective.fallen2(gradient));
+                    objective.fallen2(gradient), objective.isPushed());
 }
 
 namespace {
@@ -759,10 +769,9 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     }
     // The way a scaled matrix leaves is longer where the first one was right.
     const double most = double(scale) * double(scale), length2 = minimand.unsettled2(direction, d);
-    const bool settled = length2 <= most;
-    if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction),
-                                          minimand.fallen2(gradient, d))))
-      break;
+    const double fallen2 = length2 <= most ? minimand.fallen2(gradient, d) : 0;
+    const bool settled = length2 <= most && !(is_alone && fallen2 > most && minimand.pieces[0]->isPushed());
+    if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction), fallen2))) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;

@@ -181,9 +181,11 @@ struct Objective {
   /// A direction's energy in contacts that the first matrix has but that do not push where last evaluated:
   /// sum of kappa |phi direction|^2, J. \param carrying of those that the coarse level has.
   double heldByContacts(const float* direction, bool carrying = false) const;
-  /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
-  /// contact pushes it as last evaluated; else 0.
+  /// Squared length of the way that the whole goes by its gradient and inertia alone, to be compared with settled2(): of
+  /// what contacts push a tenth of that way counts. 0 where anything holds it.
   double fallen2(const float* gradient) const;
+  /// By a contact, where last evaluated.
+  bool isPushed() const;
   /// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
   /// way from the prediction.
   double settled2(double way2) const;
@@ -232,7 +234,7 @@ struct Minimand {
   /// The largest squared length of a piece's part of a direction, times what changes nothing of it at d: a light piece
   /// is to settle as well as a heavy one.
   double unsettled2(const float* direction, const float* d) const;
-  /// The same of Objective::fallen2(), of pieces that no touch pushes either.
+  /// The same of Objective::fallen2(), of a piece alone or of those that nothing pushes.
   double fallen2(const float* gradient, const float* d) const;
   /// Whether a touch pushed where last evaluated.
   bool pushes(const TouchLink& touch) const { return lanes->gap(touch.slot) < 0; }

@@ -120,28 +120,35 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
 
 // An impact that a body loses energy in goes on while the places where it is pushed still come; what it takes of its
 // momentum beyond its weight is returned, times the restitution e, when they cease to (Poisson's hypothesis). e^2 of
-// what was lost bounds what is returned: nothing that rings pumps itself up.
+// what was lost bounds what is returned: nothing that rings pumps itself up. Of colliders that push together e is the
+// mean over what pushes their way: what squeezes it on the other side neither takes nor returns.
 void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   PieceState& state = piece_.state;
   const std::span<ColliderTouch> touches(body_.touches.data() + first, body_.touches.size() - first);
-  Vector3d push = Vector3d::Zero(), returned = push, place = push, carried = push;
+  Vector3d push = Vector3d::Zero(), place = push, carried = push;
   double load = 0;
   for (const ColliderTouch& touch : touches) {
     const Collider& collider = colliderOf(touch);
     push += touch.push;
-    returned += double(collider.settings.restitution) * touch.push;
     const Vector3d at = collider.pose.position + touch.place / touch.load;
     place += touch.load * at;
     carried += touch.load * (at - collider.pose_before.toWorld(collider.pose.toLocal(at))) / h_;
     load += touch.load;
   }
-  const double size = push.norm(), e = size > 0 ? returned.norm() / size : 0;
-  if (!(e > 0)) return state.endImpact();
+  const double size = push.norm();
+  const Vector3d normal = push / size;
+  double returned = 0, along = 0;
+  for (const ColliderTouch& touch : touches) {
+    const double part = std::max(0.0, touch.push.dot(normal));
+    returned += double(colliderOf(touch).settings.restitution) * part;
+    along += part;
+  }
+  if (!(returned > 0)) return state.endImpact();
+  const double e = returned / along;
   place /= load;
   carried /= load;
-  const Vector3d normal = push / size;
   const double weight = field_.mass * std::max(0.0, -normal.dot(gravity_)) * h_;
-  if (size > weight) state.rebound += (1 - weight / size) * returned;
+  if (size > weight) state.rebound += e * (size - weight) * normal;
   const ConstCoefficientMap z = std::as_const(piece_).z(), now(v.data(), v.rows(), 3),
                             z_before(state.z_before.data()->data(), Eigen::Index(k_), 3),
                             v_before(state.v_before.data()->data(), Eigen::Index(k_), 3);
