@@ -20,6 +20,9 @@ constexpr std::uint32_t kCuts = 2;
 constexpr std::uint32_t kPairs = 3;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
+/// The same where springs hold a piece, whose momentum nothing puts right: what is left over in each step is as large a
+/// part of gravity for the whole of a swing.
+constexpr double kSettledHeld = 1e-4;
 /// What pushes is balanced to this part of the inertia: firm springs, kappa h^2 / m of which may be thousands, have all
 /// of their load and friction on a way shorter than the last.
 constexpr double kBalanced = 1e-2;
@@ -465,7 +468,8 @@ bool Objective::isPushed() const {
 
 double Objective::settled2(double way2) const {
   const double moves = kRounding * std::min(1.0, h * h * roughStiffness());
-  return kSettled * kSettled * way2 + moves * moves * field->second_moment;
+  const double part = has_springs ? kSettledHeld : kSettled;
+  return part * part * way2 + moves * moves * field->second_moment;
 }
 
 double Objective::roughStiffness() const {
