@@ -34,11 +34,6 @@ std::size_t scratchOf(std::size_t r, std::size_t answered, std::size_t m) {
   return stride * (r + 3 * m + 1 + 3 * kBatch) + m * (m + 3 + 1) + kBatch * (answered + std::max(answered, r));
 }
 
-/// The same of makePickHolds().
-std::size_t scratchOfPicks(std::size_t r, std::size_t k, std::size_t picks) {
-  return 3 * strideOf(r) * picks + strideOf(picks) * (3 * picks + 2 * k) + picks;
-}
-
 /// The lower triangle becomes its Cholesky factor; columns are strideOf(r) apart. Eigen's own takes memory of its own
 /// at this size. \pre its eigenvalues are at least 1
 void factorize(double* a, std::uint32_t r) {
@@ -144,6 +139,23 @@ double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
   return sum;
 }
 
+namespace {
+
+/// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
+double ownCompliance(const Field& field, const PickedPoint& point) {
+  double sum = 0;
+  for (std::uint32_t m = 0; m < field.residual_modes; ++m) {
+    Vector3d mode = Vector3d::Zero();
+    forEachVertex(field, point, [&](double weight, const auto& value) {
+      mode += weight * Vector3d(value(0, m), value(1, m), value(2, m));
+    });
+    sum += mode.squaredNorm();
+  }
+  return sum / 3;
+}
+
+}  // namespace
+
 PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness) {
   const Field& field = piece.field();
   const double omega = 2 * M_PI * double(pick.frequency_hz);
@@ -152,7 +164,9 @@ PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness) {
     const double phi = valueAt(field, pick.point, j);
     answer += phi * phi / (1 + double(stiffness) * double(field.functions[j].stiffness) / (omega * omega));
   }
-  return answer > 0 ? PickSpring{omega * omega / answer, 2 * omega / answer} : PickSpring{};
+  if (!(answer > 0)) return {};
+  const double kappa = omega * omega / answer;
+  return {kappa / (1 + kappa * ownCompliance(field, pick.point) / double(stiffness)), 2 * omega / answer};
 }
 
 bool isDriven(const Piece& piece, const PinSet& set) {
@@ -173,92 +187,22 @@ void reserveHolds(Body& body, Piece& piece) {
   for (const PinSet& set : body.pin_sets) {
     for (const PinnedVertex& vertex : set.vertices) held = held || isIn(field, vertex.vertex);
   }
-  for (const Pick& pick : body.picks) single += isIn(field, pick.point.vertex[0]) ? 1U : 0U;
   if (single == 0 && !held) return;
   single = std::bit_ceil(single);  // pins come one by one
   const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
   piece.holds.sets.reserve(sets);
   piece.holds.by_function.reserve(rows * field.stride);
   piece.holds.by_hold.reserve(rows * columnsOf(sets, single));
-  piece.holds.give.reserve(single * single);
   for (HoldWays* ways : {&piece.ways, &body.ways}) {
     ways->of_functions.reserve(field.stride);
     ways->of_holds.reserve(columnsOf(sets, single));
-    ways->pulls.reserve(2 * single);
   }
-  piece.holds.scratch = std::max(scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single),
-                                 scratchOfPicks(field.residual_modes, field.k, single));
+  piece.holds.scratch = scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single);
 }
 
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
   if (scratch.holds.size() < piece.holds.scratch) scratch.holds.resize(piece.holds.scratch);
 }
-
-namespace {
-
-// What picks alone hold turns freely, and S turns with it: an S that is not alike in all directions would turn the
-// piece by what no energy pays. So points give way to each other by the mean over directions, tr(p_a p_b^T) / 3, and S
-// = (C + 1 / kappa)^-1 is a number for each pair: forces turn nothing, sum C_ab f_a x f_b = 0. With F = kappa, F^1/2 C
-// F^1/2 + 1 = L L^T.
-void makePickHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
-  const Field& field = piece.field();
-  Holds& holds = piece.holds;
-  const std::uint32_t r = field.residual_modes, k = field.k, n = holds.single, m = k + n;
-  const std::size_t modes_apart = strideOf(r), apart = strideOf(n);
-  double *const p = scratch.holds.data(), *const factor = p + modes_apart * 3 * n, *const psi = factor + apart * n,
-                *const forces = psi + apart * m, *const firm = forces + apart * m;
-  std::fill(p, firm + n, 0.0);
-  holds.give.resize(std::size_t(n) * n);
-  std::uint32_t a = 0;
-  forEachHeld(body, piece, [&](const HeldPoint& held) {
-    firm[a] = std::sqrt(springOf(piece, *held.pick, stiffness).kappa / double(stiffness));
-    for (std::uint32_t j = 0; j < k; ++j) psi[apart * j + a] = valueAt(field, held.at, j);
-    psi[apart * (k + a) + a] = 1;
-    forEachVertex(field, held.at, [&](double weight, const auto& value) {
-      for (std::uint32_t axis = 0; axis < 3; ++axis) {
-        for (std::uint32_t i = 0; i < r; ++i) p[modes_apart * (3 * a + axis) + i] += weight * value(axis, i);
-      }
-    });
-    const Eigen::Map<const Eigen::VectorXd> own(p + modes_apart * 3 * a, Eigen::Index(3 * modes_apart));
-    for (std::uint32_t b = 0; b <= a; ++b) {
-      const Eigen::Map<const Eigen::VectorXd> other(p + modes_apart * 3 * b, Eigen::Index(3 * modes_apart));
-      const double give = own.dot(other) / 3;
-      holds.give[std::size_t(n) * a + b] = holds.give[std::size_t(n) * b + a] = give;
-      factor[apart * b + a] = firm[a] * firm[b] * give + (a == b ? 1 : 0);
-    }
-    ++a;
-  });
-  factorize(factor, n);
-  for (std::uint32_t j = 0; j < m; ++j) {
-    double* const f = forces + apart * j;
-    for (std::uint32_t i = 0; i < n; ++i) f[i] = firm[i] * psi[apart * j + i];
-    solveLower(factor, n, f);
-    solveUpper(factor, n, f);
-    for (std::uint32_t i = 0; i < n; ++i) f[i] *= firm[i];
-  }
-  const std::size_t columns = columnsOf(0, n), rows = 3 * std::size_t(k) + r;
-  holds.by_hold.resize(rows * columns);
-  std::fill(holds.by_hold.begin(), holds.by_hold.end(), 0.0F);
-  holds.by_function.resize(rows * field.stride);
-  std::fill(holds.by_function.begin(), holds.by_function.end(), 0.0F);
-  for (std::uint32_t j = 0; j < m; ++j) {
-    const Column force(forces + apart * j, n);
-    for (std::uint32_t axis = 0; axis < 3; ++axis) {
-      const auto entry = [&](std::size_t row) -> float& {
-        return j < k ? holds.by_function[field.stride * row + 3 * j + axis]
-                     : holds.by_hold[columns * row + 3 * (j - k) + axis];
-      };
-      for (std::uint32_t i = 0; i < k; ++i) entry(3 * i + axis) = float(Column(psi + apart * i, n).dot(force));
-      for (std::uint32_t i = 0; i < r; ++i) {
-        double sum = 0;
-        for (std::uint32_t b = 0; b < n; ++b) sum += p[modes_apart * (3 * b + axis) + i] * force[b];
-        entry(3 * k + i) = float(sum);
-      }
-    }
-  }
-}
-
-}  // namespace
 
 // With p the rows of P and d those of D at the held points, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
@@ -271,12 +215,9 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
   holds.count = holds.single = 0;
   holds.stiffness = stiffness;
   holds.sets.clear();
-  holds.give.clear();
   if (r == 0) return;
-  std::uint32_t picked = 0;
-  forEachHeld(body, piece, [&](const HeldPoint& held) {
+  forEachPinned(body, piece, [&](const HeldPoint& held) {
     ++holds.count;
-    if (held.pick != nullptr) ++picked;
     if (held.set == formats::kNone) {
       ++holds.single;
     } else if (holds.sets.empty() || holds.sets.back().number != held.set) {
@@ -287,7 +228,6 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     }
   });
   if (holds.count == 0) return;
-  if (picked == holds.count) return makePickHolds(body, piece, stiffness, scratch);
   const auto sets = std::uint32_t(holds.sets.size());
   const std::uint32_t answered = k + 4 * sets, m = answered + holds.single;
   const std::size_t stride = strideOf(r);
@@ -323,7 +263,7 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     firm.fill(0);
     batched = 0;
   };
-  forEachHeld(body, piece, [&](const HeldPoint& held) {
+  forEachPinned(body, piece, [&](const HeldPoint& held) {
     std::fill_n(psi, m, 0.0);
     for (std::uint32_t j = 0; j < k; ++j) psi[j] = valueAt(field, held.at, j);
     std::uint32_t first = answered + single, last = first + 1;  // of its own functions
@@ -338,10 +278,7 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
       Eigen::Map<Vector3d>(psi + first + 1) = local;
     }
     psi[first] = 1;
-    // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
-    firm[batched] = held.pick != nullptr
-                        ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
-                        : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
+    firm[batched] = held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
     forEachVertex(field, held.at, [&](double weight, const auto& value) {
       for (std::uint32_t axis = 0; axis < 3; ++axis) {
         double* const to = modesOf(batched, axis);
@@ -402,41 +339,26 @@ void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& ampl
   for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -float(answerOf(piece.holds, ways, first + m));
 }
 
-// Forces are f = D^-1 (b - P P^T f), and the amplitudes a = -P^T f.
-std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
-                        Array<float>& of_picks) {
+std::uint32_t findPickAmplitudes(const Body& body, const Piece& piece, const ConstCoefficientMap& z,
+                                 const Matrix3d& turned, Array<float>& amplitudes) {
   const Field& field = piece.field();
-  const Holds& holds = piece.holds;
-  std::size_t at = 12 * holds.sets.size();
-  for (const Pin& pin : body.pins) at += isIn(field, pin.vertex) ? 3U : 0U;
-  const std::size_t end = 12 * holds.sets.size() + 3 * std::size_t(holds.single);
-  const auto picks = std::uint32_t((end - at) / 3);
-  if (picks == 0) return 0;
-  if (picks == holds.count) {
-    std::copy_n(amplitudes.begin(), field.residual_modes, of_picks.begin());
-    std::fill_n(amplitudes.begin(), field.residual_modes, 0.0F);
-    return picks;
-  }
-  std::fill(of_picks.begin(), of_picks.end(), 0.0F);
+  std::fill(amplitudes.begin(), amplitudes.end(), 0.0F);
+  std::uint32_t picks = 0;
   for (const Pick& pick : body.picks) {
-    if (!isIn(field, pick.point.vertex[0]) || at == end) continue;
-    Vector3d off = Eigen::Map<const Eigen::Vector3f>(ways.of_holds.data() + at).cast<double>();
-    at += 3;
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      off += valueAt(field, pick.point, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + std::size_t{3} * j);
-    }
-    const auto forEachAxis = [&](const auto& visit) {
-      forEachVertex(field, pick.point, [&](double weight, const auto& value) {
-        for (std::uint32_t axis = 0; axis < 3; ++axis) {
-          for (std::uint32_t m = 0; m < field.residual_modes; ++m) visit(axis, m, weight * value(axis, m));
+    if (!isIn(field, pick.point.vertex[0])) continue;
+    ++picks;
+    Vector3d at = Vector3d::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) at += valueAt(field, pick.point, j) * z.row(j).transpose();
+    const double kappa = springOf(piece, pick, piece.holds.stiffness).kappa;
+    const Vector3d force = turned.transpose() * (kappa * (reachOf(body, pick, at, kappa) - at));
+    forEachVertex(field, pick.point, [&](double weight, const auto& value) {
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        for (std::uint32_t m = 0; m < field.residual_modes; ++m) {
+          amplitudes[m] += float(weight * value(axis, m) * force[int(axis)] / double(piece.holds.stiffness));
         }
-      });
-    };
-    forEachAxis([&](std::uint32_t axis, std::uint32_t m, double p) { off[int(axis)] += p * double(amplitudes[m]); });
-    const Vector3d force = springOf(piece, pick, holds.stiffness).kappa / double(holds.stiffness) * off;
-    forEachAxis([&](std::uint32_t axis, std::uint32_t m, double p) { of_picks[m] -= float(p * force[int(axis)]); });
+      }
+    });
   }
-  for (std::uint32_t m = 0; m < field.residual_modes; ++m) amplitudes[m] -= of_picks[m];
   return picks;
 }
 
@@ -458,18 +380,6 @@ float PickWindow::operator()(std::uint32_t vertex) const {
     most = std::max(most, 1 - (restOf(body_, vertex) - restOf(body_, pick.point)).squaredNorm() / reach2_);
   }
   return float(most * most);
-}
-
-double ownCompliance(const Field& field, const PickedPoint& point) {
-  double sum = 0;
-  for (std::uint32_t m = 0; m < field.residual_modes; ++m) {
-    Vector3d mode = Vector3d::Zero();
-    forEachVertex(field, point, [&](double weight, const auto& value) {
-      mode += weight * Vector3d(value(0, m), value(1, m), value(2, m));
-    });
-    sum += mode.squaredNorm();
-  }
-  return sum / 3;
 }
 
 RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece) {
@@ -520,47 +430,8 @@ void findWays(const Piece& piece, const ConstCoefficientMap& z, const RigidPlace
   }
 }
 
-namespace {
-
-/// Pulls f of picks that alone hold a piece, each toward its own target from where its point has given way to all, and
-/// no larger than it may be: f_a = min(1, most / |f|) (t_a - x_a - sum_{b != a} C_ab f_b) / (C_aa + 1 / kappa), found
-/// one after the other (Gauss, Seidel). Pulls bounded without the others' share would turn the piece for ever.
-/// \param[in,out] ways pulls: places x. \return whether one is at its bound.
-bool findPulls(const Body& body, const Piece& piece, float stiffness, HoldWays& ways) {
-  constexpr int kSweeps = 32;
-  constexpr double kNear = 1e-7;  // of the largest pull
-  const std::uint32_t n = piece.holds.single;
-  const auto give = [&](std::uint32_t a, std::uint32_t b) {
-    return piece.holds.give[std::size_t(n) * a + b] / double(stiffness);
-  };
-  bool bounded = false;
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    double change = 0, largest = 0;
-    std::uint32_t a = 0;
-    bounded = false;
-    for (const Pick& pick : body.picks) {
-      if (!isIn(piece.field(), pick.point.vertex[0])) continue;
-      Vector3d way = asVector(pick.target).cast<double>() - ways.pulls[2 * a];
-      for (std::uint32_t b = 0; b < n; ++b) {
-        if (b != a) way -= give(a, b) * ways.pulls[2 * b + 1];
-      }
-      Vector3d pull = way / (give(a, a) + 1 / springOf(piece, pick, stiffness).kappa);
-      const double most = mostForceOf(body, pick), length = pull.norm();
-      if (length > most) pull *= most / length, bounded = true;
-      change = std::max(change, (pull - ways.pulls[2 * a + 1]).norm());
-      largest = std::max(largest, pull.norm());
-      ways.pulls[2 * a + 1] = pull;
-      ++a;
-    }
-    if (!(change > kNear * largest)) break;
-  }
-  return bounded;
-}
-
-}  // namespace
-
 void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, double part,
-              float stiffness, HoldWays& ways) {
+              HoldWays& ways) {
   const Field& field = piece.field();
   findWays(piece, z, place, ways);
   const Matrix3d back = place.turned.transpose();
@@ -577,41 +448,6 @@ void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z
     if (!isIn(field, pin.vertex)) continue;
     const Vector3d at_place = place.turned * restOf(body, pin.vertex) + place.moved;
     add(Vector3d(back * (at_place - targetOf(pin, part))));
-  }
-  const bool alone = !piece.holds.give.empty();
-  ways.pulls.clear();
-  for (const Pick& pick : body.picks) {
-    if (!isIn(field, pick.point.vertex[0])) continue;
-    Vector3d way = Vector3d::Zero();
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      way += valueAt(field, pick.point, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + 3 * j);
-    }
-    if (alone) {
-      ways.pulls.push_back(place.turned * (restOf(body, pick.point) + way) + place.moved);
-      ways.pulls.push_back(Vector3d::Zero());
-      continue;
-    }
-    const double kappa = springOf(piece, pick, stiffness).kappa;
-    const double firm = kappa / (1 + kappa * ownCompliance(field, pick.point) / double(stiffness));
-    const Vector3d at_place = place.turned * restOf(body, pick.point) + place.moved;
-    add(Vector3d(back * (at_place - reachOf(body, pick, at_place + place.turned * way, firm))));
-  }
-  if (alone) {
-    const bool bounded = findPulls(body, piece, stiffness, ways);
-    std::uint32_t a = 0;
-    for (const Pick& pick : body.picks) {
-      if (!isIn(field, pick.point.vertex[0])) continue;
-      Vector3d target = asVector(pick.target).cast<double>();
-      if (bounded) {  // nearer: from there the springs pull so
-        target = ways.pulls[2 * a] + ways.pulls[2 * a + 1] / springOf(piece, pick, stiffness).kappa;
-        for (std::uint32_t b = 0; b < piece.holds.single; ++b) {
-          target +=
-              piece.holds.give[std::size_t(piece.holds.single) * a + b] / double(stiffness) * ways.pulls[2 * b + 1];
-        }
-      }
-      add(Vector3d(back * (place.turned * restOf(body, pick.point) + place.moved - target)));
-      ++a;
-    }
   }
   ways.of_holds.push_back(1);
   ways.of_holds.resize(columnsOf(piece.holds.sets.size(), piece.holds.single));

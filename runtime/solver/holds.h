@@ -30,8 +30,7 @@ struct HeldPoint {
   double weight = 1;                   ///< 0..1, of a vertex of a pin set
   std::uint32_t set = formats::kNone;  ///< the pin set's number, or kNone
   Vec3 local = {};                     ///< place in the set's transform, m
-  const Pin* pin = nullptr;            ///< or
-  const Pick* pick = nullptr;          ///< or the set holds it
+  const Pin* pin = nullptr;            ///< or the set holds it
 
   /// Where a pin or set wants it, m.
   Vector3d target(const Body& body) const {
@@ -65,34 +64,22 @@ void forEachPinned(const Body& body, const Piece& piece, const Visit& visit) {
   }
 }
 
-/// The same, then for each pick of the piece.
-template <class Visit>
-void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
-  forEachPinned(body, piece, visit);
-  for (const Pick& pick : body.picks) {
-    if (!isIn(piece.field(), pick.point.vertex[0])) continue;
-    HeldPoint held;
-    held.at = pick.point;
-    held.pick = &pick;
-    visit(std::as_const(held));
-  }
-}
-
 /// phi_j at a point; 0 where it is none of the piece's.
 double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j);
 
 struct PickSpring {
   double kappa = 0, damper = 0;  ///< N/m, N s/m
 };
-/// Of the mass that a pull of the pick's frequency moves. \param stiffness factor on the moduli
+/// Of the mass that a pull of the pick's frequency moves, in series with what the functions lack at its point. \param
+/// stiffness factor on the moduli
 PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness);
 
-/// Takes the memory of a piece's holds where pins, pin sets or picks have come. May throw.
+/// Takes the memory of a piece's holds where pins or pin sets have come. May throw.
 void reserveHolds(Body& body, Piece& piece);
 /// The same of the scratch that makeHolds() needs. May throw.
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 
-/// Makes piece.holds where pins, pin sets or picks have changed; count is 0 where nothing is held, or the field does
+/// Makes piece.holds where pins or pin sets have changed; count is 0 where nothing is held, or the field does
 /// not know how it gives way. \pre reserved
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
 
@@ -109,9 +96,9 @@ RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const
 /// Finds b = Phi w + l: w, the coefficients less those of the rest shape at a place, and l, by how much the held points
 /// of that shape are off, both in its frame, m. Forces are S b: of w through one symmetric matrix, so that they have an
 /// energy to the last digit and cannot drive a swing. \param z coefficients. \param part of the last step that has
-/// passed: where the holds are. \param stiffness factor on the moduli
+/// passed: where the holds are
 void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, double part,
-              float stiffness, HoldWays& ways);
+              HoldWays& ways);
 /// w alone.
 void findWays(const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, HoldWays& ways);
 
@@ -120,11 +107,11 @@ double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row);
 
 /// Amplitudes of the residual modes: P^T S b, pulling back. \param[out] amplitudes r
 void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes);
-/// Moves the part of the amplitudes that picks have. Modes cut off at the last ring all over the piece where a point is
-/// pulled; what is given way to a pick is drawn near it alone, by PickWindow.
-/// \pre the amplitudes are of these ways. \param[out] of_picks as many. \return how many picks there are
-std::uint32_t takePicks(const Body& body, const Piece& piece, const HoldWays& ways, Array<float>& amplitudes,
-                        Array<float>& of_picks);
+/// Adds the amplitudes that picks alone would have: P^T f. Modes cut off at the last ring all over the piece where a point
+/// is pulled; what is given way to a pick is drawn near it alone, by PickWindow. \param z coefficients drawn. \param
+/// turned the frame of the amplitudes. \param[out] amplitudes r. \return how many picks there are
+std::uint32_t findPickAmplitudes(const Body& body, const Piece& piece, const ConstCoefficientMap& z,
+                                 const Matrix3d& turned, Array<float>& amplitudes);
 /// 1 at the piece's picked points, 0 from R = D / k^(1/3) on, about a wave of the functions: (1 - d^2 / R^2)^2 of the
 /// distance d at rest to the nearest. D is the diagonal of a box as spread out as the piece: D^2 / 12 is the mean
 /// square of the distance from its centre.
@@ -139,9 +126,6 @@ class PickWindow {
   const Field& field_;
   double reach2_ = 0;  // R^2
 };
-/// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
-double ownCompliance(const Field& field, const PickedPoint& point);
-
 /// Moves the piece's first vertices by the residual modes. \param turned the frame of the amplitudes. \param ways
 /// scratch, 24 for every eight vertices. \param x of these. \param window called with the number of a vertex in the
 /// body: factor of its way

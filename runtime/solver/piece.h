@@ -81,7 +81,7 @@ struct PieceState {
 /// of it belongs to moduli of factor 1.
 struct Holds {
   explicit Holds(std::pmr::memory_resource* memory)
-      : sets(memory), by_function(memory), by_hold(memory), give(memory) {}
+      : sets(memory), by_function(memory), by_hold(memory) {}
 
   /// A pin set among them. Its points p are at X of the rest shape, which lies about as the set does when turned, and
   /// is e off; sums and means are weighed.
@@ -97,21 +97,19 @@ struct Holds {
   std::size_t scratch = 0;   ///< numbers that making them takes
   std::uint32_t count = 0;   ///< of held points; 0: none, or the field does not know
   std::uint32_t single = 0;  ///< those of no set
-  float stiffness = 0;       ///< factor on the moduli that picks among them are made with
+  float stiffness = 0;       ///< factor on the moduli that they were made with
   Array<Set> sets;           ///< by their numbers, ascending
   // Pulls of offsets b = Phi w + l (HoldWays): 3 k rows of the functions, 12 of each set, its sum and its moments
   // about the mean of p, and r of the residual modes.
   Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
   Array<float> by_hold;      ///< of l: 12 columns a set, three a point of no set, one of all e; rounded up to eight
-  Array<double> give;        ///< where picks alone hold: by how much one gives way to another's pull, m/N, by pairs
 };
 
 /// By how much the functions are off where a piece is held, in the frame of its holds (solver/holds.h).
 struct HoldWays {
-  explicit HoldWays(std::pmr::memory_resource* memory) : of_functions(memory), of_holds(memory), pulls(memory) {}
+  explicit HoldWays(std::pmr::memory_resource* memory) : of_functions(memory), of_holds(memory) {}
   Array<double> of_functions;  ///< w, field.stride
   Array<float> of_holds;       ///< l, in the columns of Holds::by_hold
-  Array<Vector3d> pulls;       ///< where picks alone hold: of each its place without giving way, m, and its pull, N
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.

@@ -38,16 +38,21 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   for (const Pick& pick : body.picks) {
     const PickedPoint& point = pick.point;
     if (!touches(field, point)) continue;
-    Vector3d old = step.center;
+    Vector3d old = step.center, way = Vector3d::Zero();
     for (std::uint32_t j = 0; j < field.k; ++j) {
-      old += valueAt(field, point, j) * (piece.state.z[j] - field.oneOf(j) * step.center);
+      const double phi = valueAt(field, point, j);
+      old += phi * (piece.state.z[j] - field.oneOf(j) * step.center);
+      way += phi * step.h * piece.state.v[j];
     }
     const PickSpring spring = springOf(piece, pick, step.stiffness);
     if (!(spring.kappa > 0)) continue;
-    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h. Given residual modes, holds have the spring.
-    const double kappa = field.residual_modes > 0 ? 0 : spring.kappa, damper = spring.damper / step.h;
-    const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
-    visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
+    // Critically damped: kappa (t - x) - c v, v = (x - old) / h, is one spring to a place between the two. Where that
+    // would pull with more than it may, the chord of its energy, linear from there on (Huber 1964), is as firm as it
+    // takes from where the point is about to come.
+    const double damper = spring.damper / step.h, both = spring.kappa + damper;
+    const Vector3d target = (spring.kappa * asVector(pick.target).cast<double>() + damper * old) / both;
+    const double most = mostForceOf(body, pick) / (target - old - way).norm();
+    visit([&](std::uint32_t j) { return valueAt(field, point, j); }, std::min(both, most), target, formats::kNone);
   }
 }
 
@@ -126,7 +131,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   if (piece.holds.count > 0) {
     const RigidPlace place = placeOfHolds(body, piece, step);
     piece.holds_turned = place.turned;
-    findWays(body, piece, y, place, 1, step.stiffness, piece.ways);
+    findWays(body, piece, y, place, 1, piece.ways);
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += pullOf(piece, step, 3 * std::size_t(j));
   }
   for (std::uint32_t j = 0; j < k; ++j) {

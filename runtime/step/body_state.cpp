@@ -79,18 +79,15 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
   const Matrix3d of_piece = rotationOf(field, z, center);
   const RigidPlace place = placeOfHolds(body, piece, part, {of_piece, center - of_piece * field.rest_center});
-  findWays(body, piece, z, place, part, piece.holds.stiffness, body.ways);
-  body.amplitudes.resize(field.residual_modes);
-  findAmplitudes(piece, body.ways, body.amplitudes);
-  body.pick_amplitudes.resize(field.residual_modes);
   const std::span<Vec3> x(body.x.data() + field.first_vertex, count);
-  const std::uint32_t picks = takePicks(body, piece, body.ways, body.amplitudes, body.pick_amplitudes);
-  if (piece.holds.count > picks) {
+  body.amplitudes.resize(field.residual_modes);
+  if (piece.holds.count > 0) {
+    findWays(body, piece, z, place, part, body.ways);
+    findAmplitudes(piece, body.ways, body.amplitudes);
     giveWay(field, body.amplitudes, place.turned, body.field_values, x, [](std::uint32_t) { return 1.0F; });
   }
-  if (picks > 0) {
-    giveWay(field, body.pick_amplitudes, place.turned, body.field_values, x, PickWindow(body, piece));
-  }
+  if (findPickAmplitudes(body, piece, z, place.turned, body.amplitudes) == 0) return;
+  giveWay(field, body.amplitudes, place.turned, body.field_values, x, PickWindow(body, piece));
 }
 
 }  // namespace
@@ -209,7 +206,8 @@ void refresh(Body& body, double part, Asked what) {
         }
       }
     }
-    if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center, count);
+    const bool gives = piece.holds.count > 0 || (!body.picks.empty() && field.residual_modes > 0);
+    if (gives && piece.springs_firm >= 0) drawGive(body, piece, part, center, count);
     if (body.fade_before > 0) drawFaded(body, piece, part, center, count);
   }
   // A rigid rider keeps its shape.

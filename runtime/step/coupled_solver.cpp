@@ -95,7 +95,6 @@ class CoupledSolver final : public BodySolver {
     }
     body.shape.reserve(most_functions);
     body.amplitudes.reserve(most_modes);
-    body.pick_amplitudes.reserve(most_modes);
     body.coefficients.reserve(4 * std::size_t(most_functions));
     body.field_values.reserve(24 * ((std::size_t(most_vertices) + 7) / 8));
   }

@@ -24,7 +24,6 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       coefficients(memory),
       field_values(memory),
       amplitudes(memory),
-      pick_amplitudes(memory),
       shape(memory),
       ways(memory),
       touches(memory),

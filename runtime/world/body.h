@@ -124,7 +124,7 @@ struct Body {
   bool outdated = false;  ///< x and v are not those of the pieces
   bool whole = true;      ///< all of them are, not only what drawing asks for
   double shown = 1;       ///< part of the last step that x and v show
-  Array<float> coefficients, field_values, amplitudes, pick_amplitudes;  // scratch of refresh(), as shape
+  Array<float> coefficients, field_values, amplitudes;  // scratch of refresh(), as shape
   Array<Vector3d> shape;
   HoldWays ways;
 
