@@ -649,8 +649,8 @@ bool Minimand::renew(const float* d, const float* next_gradient, const float* di
 namespace {
 
 /// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
-/// slope, so that the minimum lies at slope / (slope - held) times its length; and as a whole it goes by what no contact
-/// balances.
+/// slope, so that the minimum lies at slope / (slope - held) times its length; and as a whole it goes by what no
+/// contact balances.
 bool staysShort(double squared_length, double most, double slope, double held, double fallen2, bool pushed = false) {
   if ((held > 0 || pushed) && fallen2 > most) return false;
   const double left = 1 - held / slope;

@@ -181,8 +181,8 @@ struct Objective {
   /// A direction's energy in contacts that the first matrix has but that do not push where last evaluated:
   /// sum of kappa |phi direction|^2, J. \param carrying of those that the coarse level has.
   double heldByContacts(const float* direction, bool carrying = false) const;
-  /// Squared length of the way that the whole goes by its gradient and inertia alone, to be compared with settled2(): of
-  /// what contacts push a tenth of that way counts. 0 where anything holds it.
+  /// Squared length of the way that the whole goes by its gradient and inertia alone, to be compared with settled2():
+  /// of what contacts push a tenth of that way counts. 0 where anything holds it.
   double fallen2(const float* gradient) const;
   /// By a contact, where last evaluated.
   bool isPushed() const;

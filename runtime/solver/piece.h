@@ -80,8 +80,7 @@ struct PieceState {
 /// Holds of a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
 /// of it belongs to moduli of factor 1.
 struct Holds {
-  explicit Holds(std::pmr::memory_resource* memory)
-      : sets(memory), by_function(memory), by_hold(memory) {}
+  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_hold(memory) {}
 
   /// A pin set among them. Its points p are at X of the rest shape, which lies about as the set does when turned, and
   /// is e off; sums and means are weighed.

@@ -121,9 +121,9 @@ struct Body {
   /// Of a body that moves in fields (sections FELD): its pieces, in the package's order. x and v are made from their
   /// coefficients when somebody asks.
   OwningArray<Piece> pieces;
-  bool outdated = false;  ///< x and v are not those of the pieces
-  bool whole = true;      ///< all of them are, not only what drawing asks for
-  double shown = 1;       ///< part of the last step that x and v show
+  bool outdated = false;                                ///< x and v are not those of the pieces
+  bool whole = true;                                    ///< all of them are, not only what drawing asks for
+  double shown = 1;                                     ///< part of the last step that x and v show
   Array<float> coefficients, field_values, amplitudes;  // scratch of refresh(), as shape
   Array<Vector3d> shape;
   HoldWays ways;

@@ -459,6 +459,34 @@ TEST(Colliders, RestitutionIsThePartOfTheSpeedThatIsLeft) {
   }
 }
 
+// The two sides push thousands of times as hard as what they push together: only that is returned.
+TEST(Colliders, WhatIsSqueezedBouncesOffNeitherSide) {
+  const auto asset = boxAsset(cube());
+  for (const float e : {0.05F, 0.5F, 1.0F}) {
+    for (const bool below : {false, true}) {
+      World world;
+      ColliderSettings floor, press;
+      floor.restitution = below ? e : 0;
+      press.restitution = below ? 0 : e;
+      ASSERT_TRUE(world.addCollider(PlaneShape{}, floor));
+      const BodyId body = *world.addBody(asset, placed(0, 0.15, 0));
+      double bottom = 0.31;
+      press.at.position = {0.02F, float(bottom + 0.1), 0.01F};
+      const auto box = world.addCollider(BoxShape{{0.5F, 0.1F, 0.5F}}, press);
+      ASSERT_TRUE(box);
+      double fastest = 0;
+      for (int i = 0; i < 120; ++i) {
+        bottom = std::max(0.21, bottom - 0.2 / 60);
+        world.moveCollider(*box, {{0.02F, float(bottom + 0.1), 0.01F}});
+        world.step(1.0F / 60);
+        const Motion now = motionOf(world, body);
+        fastest = std::max(fastest, now.momentum.norm() / now.mass);
+      }
+      EXPECT_LT(fastest, 0.4) << e << ' ' << below;  // twice as fast as the press comes
+    }
+  }
+}
+
 // A slender bar that falls aslant: its ends arrive again and again as it rings.
 TEST(Colliders, RestitutionMakesNoEnergy) {
   BoxOptions slender;

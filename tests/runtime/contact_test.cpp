@@ -162,6 +162,36 @@ TEST(Ground, WhatIsFirmAndFlatSlidesAsFrictionLetsIt) {
   }
 }
 
+// Firm contacts have all of their load, and friction all of its hold, on a way that is nothing beside a step's fall.
+TEST(Ground, WhatLiesSlidesWhereGravityTurns) {
+  for (const double hz : {10.0, 80.0}) {
+    BoxOptions box;
+    box.size = {1, 0.05, 1};
+    box.stretch_hz = box.bend_hz = box.twist_hz = float(hz);
+    const auto asset = boxAsset(box);
+    for (const float mu : {0.3F, 0.6F}) {
+      for (const double beyond : {0.9, 1.05, 1.3}) {
+        for (const float rate : {30.0F, 60.0F}) {
+          WorldSettings settings = onGround(mu);
+          settings.damping = 0;
+          World world(settings);
+          BodySettings place;
+          place.position = {0, 0.025F, 0};
+          const BodyId body = *world.addBody(asset, place);
+          for (int i = 0; i < int(2 * rate); ++i) world.step(1 / rate);
+          const double slope = std::atan(double(mu) * beyond);
+          world.settings().gravity = {float(9.81 * std::sin(slope)), float(-9.81 * std::cos(slope)), 0};
+          const Vector3d before = motionOf(world, body).center;
+          for (int i = 0; i < int(2 * rate); ++i) world.step(1 / rate);
+          const double way = motionOf(world, body).center[0] - before[0];
+          const double expected = 2 * std::max(0.0, 9.81 * (std::sin(slope) - double(mu) * std::cos(slope)));
+          EXPECT_NEAR(way, expected, 0.1 * expected + 1e-4) << hz << ' ' << mu << ' ' << beyond << ' ' << rate;
+        }
+      }
+    }
+  }
+}
+
 TEST(Ground, ADropGainsNoEnergyAndComesToRest) {
   for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
     BoxOptions box;
@@ -345,6 +375,26 @@ TEST(Pick, PullsWithItsLargestForceHoweverFarTheTarget) {
   const BodyId body = *world.addBody(boxAsset({}));
   for (const float wrong : {-1.0F, std::numeric_limits<float>::quiet_NaN()}) {
     EXPECT_EQ(world.pick(body, 0, {1, 0, 0}, 4, wrong), PickId{});
+  }
+}
+
+// Its damper pulls as well: the two together may do no more.
+TEST(Pick, LetsFallWhatItMayNotHold) {
+  const auto asset = boxAsset({});
+  const double weight = 9.81 * double(asset->package().info().total_mass);
+  for (const float hz : {1.0F, 4.0F, 20.0F}) {
+    for (const double part : {0.1, 0.9}) {
+      WorldSettings settings;
+      settings.damping = 0;
+      World world(settings);
+      const BodyId body = *world.addBody(asset);
+      const BodyPoint top = world.nearestPoint(body, {0, 9, 0});
+      ASSERT_NE(world.pick(body, top, {0, 5, 0}, {hz, float(part * weight)}), PickId{});
+      run(world, 2);
+      const Motion now = motionOf(world, body);
+      const double expected = 2 * 9.81 * (1 - part);
+      EXPECT_NEAR(-now.momentum[1] / now.mass, expected, 0.02 * 9.81) << hz << ' ' << part;
+    }
   }
 }
 

@@ -458,6 +458,42 @@ TEST(Pins, ComeAndGoWithoutMovingTheBody) {
   }
 }
 
+// Nothing but the minimum itself says how fast what hangs on pins is.
+TEST(Pins, AStiffPendulumGainsNothing) {
+  BoxOptions box;
+  box.size = {1, 0.1, 0.1};
+  box.cells = {10, 2, 2};
+  box.stretch_hz = box.bend_hz = box.twist_hz = 60;
+  formats::PackageContent content = boxContent(box);
+  addFields(content);
+  addResiduals(content);
+  const auto asset = makeAsset(content);
+  WorldSettings settings;
+  settings.damping = settings.support_damping = settings.deformation_damping_ratio = 0;
+  World world(settings);
+  const BodyId body = *world.addBody(asset);
+  const auto places = world.positions(body);
+  std::vector<std::pair<std::uint32_t, Vec3>> hinge;
+  for (std::uint32_t v = 0; v < places.size(); ++v) {
+    if (places[v][0] < -0.499F && std::abs(places[v][1]) < 0.01F) hinge.emplace_back(v, places[v]);
+  }
+  ASSERT_EQ(hinge.size(), 3U);
+  for (const auto& [vertex, at] : hinge) world.pin(body, vertex, at);
+  const auto energyOf = [&] {
+    const auto energy = world.energy(body);
+    const Motion motion = motionOf(world, body);
+    return energy.kinetic + energy.elastic + 9.81 * motion.mass * motion.center[1];
+  };
+  // From the side: half a length above the lowest place.
+  const double first = energyOf(), swing = 0.5 * 9.81 * motionOf(world, body).mass;
+  double most = first;
+  for (int i = 0; i < 1200; ++i) {
+    world.step(1.0F / 60);
+    most = std::max(most, energyOf());
+  }
+  EXPECT_LT(most - first, 0.05 * swing);
+}
+
 // What gives way at picks turns with the piece: pulls that are not toward their targets would turn it for ever.
 TEST(Picks, PullTowardTheirTargets) {
   BoxOptions box;
