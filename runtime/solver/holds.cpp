@@ -5,10 +5,13 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "runtime/geometry/rotation.h"
 #include "runtime/interact/picked_point.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/solver/dense.h"
+#include "runtime/solver/held_modes.h"
 #include "runtime/solver/minimize.h"
 
 namespace sinew::internal {
@@ -17,53 +20,16 @@ namespace {
 /// Of the spread of held vertices (and squared, of the diagonal): what leaves a direction of their rotation open.
 constexpr double kOpen = 1e-3;
 
-using Column = Eigen::Map<Eigen::VectorXd>;
-
 /// Of Holds::by_hold.
 std::size_t columnsOf(std::size_t sets, std::size_t single) { return (12 * sets + 3 * single + 1 + 7) / 8 * 8; }
 
 /// Points that makeHolds() adds at once.
 constexpr std::uint32_t kBatch = 16;
 
-/// Of the columns of its matrices.
-std::size_t strideOf(std::size_t r) { return (r + 7) / 8 * 8; }
-
 /// Numbers that makeHolds() needs beside its result. \param answered, m scalar functions, of the field and sets, of all
 std::size_t scratchOf(std::size_t r, std::size_t answered, std::size_t m) {
   const std::size_t stride = strideOf(r);
   return stride * (r + 3 * m + 1 + 3 * kBatch) + m * (m + 3 + 1) + kBatch * (answered + std::max(answered, r));
-}
-
-/// The lower triangle becomes its Cholesky factor; columns are strideOf(r) apart. Eigen's own takes memory of its own
-/// at this size. \pre its eigenvalues are at least 1
-void factorize(double* a, std::uint32_t r) {
-  for (std::uint32_t j = 0; j < r; ++j) {
-    double* const column = a + strideOf(r) * j;
-    for (std::uint32_t i = 0; i < j; ++i) {
-      const double* const before = a + strideOf(r) * i;
-      Column(column + j, r - j) -= before[j] * Eigen::Map<const Eigen::VectorXd>(before + j, r - j);
-    }
-    Column(column + j, r - j) *= 1 / std::sqrt(std::max(column[j], 1.0));
-  }
-}
-
-/// x becomes L^-T x.
-void solveUpper(const double* factor, std::uint32_t r, double* x) {
-  for (std::uint32_t i = r; i-- > 0;) {
-    const double* const column = factor + strideOf(r) * i;
-    const std::uint32_t left = r - i - 1;
-    x[i] = (x[i] - Eigen::Map<const Eigen::VectorXd>(column + i + 1, left).dot(Column(x + i + 1, left))) / column[i];
-  }
-}
-
-/// x becomes L^-1 x.
-void solveLower(const double* factor, std::uint32_t r, double* x) {
-  for (std::uint32_t i = 0; i < r; ++i) {
-    const double* const column = factor + strideOf(r) * i;
-    x[i] /= column[i];
-    const std::uint32_t left = r - i - 1;
-    Column(x + i + 1, left) -= x[i] * Eigen::Map<const Eigen::VectorXd>(column + i + 1, left);
-  }
 }
 
 Vector3d restOf(const Body& body, std::uint32_t vertex) {
@@ -197,12 +163,17 @@ void reserveHolds(Body& body, Piece& piece) {
     ways->of_functions.reserve(field.stride);
     ways->of_holds.reserve(columnsOf(sets, single));
   }
-  piece.holds.scratch = scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single);
+  piece.holds.modes.reserve(3 * std::size_t(field.k) * kHeldModes);
+  piece.holds.lacking.reserve(kHeldModes);
+  piece.holds.scratch = std::max(scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single),
+                                 scratchOfHeldModes(field));
 }
 
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
   if (scratch.holds.size() < piece.holds.scratch) scratch.holds.resize(piece.holds.scratch);
 }
+
+namespace {
 
 // With p the rows of P and d those of D at the held points, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
@@ -215,6 +186,7 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
   holds.count = holds.single = 0;
   holds.stiffness = stiffness;
   holds.sets.clear();
+  holds.lacking.clear();
   if (r == 0) return;
   forEachPinned(body, piece, [&](const HeldPoint& held) {
     ++holds.count;
@@ -331,6 +303,15 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     solveUpper(a, r, z + stride * j);
     for (std::uint32_t i = 0; i < r; ++i) entry(3 * answered + i, j) = float(z[stride * j + i]);
   }
+  findHeldModes(field, holds, scratch.holds.data());
+}
+
+}  // namespace
+
+void prepareHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
+  if (piece.springs_firm >= 0 && piece.holds.stiffness == stiffness) return;
+  makeHolds(body, piece, stiffness, scratch);
+  piece.springs_firm = std::numeric_limits<double>::infinity();
 }
 
 void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes) {

@@ -79,9 +79,9 @@ void reserveHolds(Body& body, Piece& piece);
 /// The same of the scratch that makeHolds() needs. May throw.
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 
-/// Makes piece.holds where pins or pin sets have changed; count is 0 where nothing is held, or the field does
-/// not know how it gives way. \pre reserved
-void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
+/// Makes piece.holds where pins or pin sets have changed; count is 0 where nothing is held, or the field does not know
+/// how it gives way. \pre reserved
+void prepareHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
 
 /// A rigid motion: X is at turned X + moved.
 struct RigidPlace {

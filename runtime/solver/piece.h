@@ -77,10 +77,14 @@ struct PieceState {
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 
+/// Modes of a piece on its holds, of which the damping is that of the settings.
+inline constexpr std::uint32_t kHeldModes = 12;
+
 /// Holds of a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
 /// of it belongs to moduli of factor 1.
 struct Holds {
-  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_hold(memory) {}
+  explicit Holds(std::pmr::memory_resource* memory)
+      : sets(memory), by_function(memory), by_hold(memory), modes(memory), lacking(memory) {}
 
   /// A pin set among them. Its points p are at X of the rest shape, which lies about as the set does when turned, and
   /// is e off; sums and means are weighed.
@@ -102,6 +106,9 @@ struct Holds {
   // about the mean of p, and r of the residual modes.
   Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
   Array<float> by_hold;      ///< of l: 12 columns a set, three a point of no set, one of all e; rounded up to eight
+  /// The lowest modes in which the piece rings so, 3 k numbers each, and what the functions' decay lacks of theirs, 1/s
+  /// at critical damping (solver/held_modes.h).
+  Array<double> modes, lacking;
 };
 
 /// By how much the functions are off where a piece is held, in the frame of its holds (solver/holds.h).
@@ -145,9 +152,10 @@ struct Piece {
   double fibre_energy = 0;      ///< at rest, J
   bool fibres_changed = false;  ///< they are to be made anew
 
-  Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
-  double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
-  Array<double> row;         ///< scratch, k
+  Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
+  double springs_firm =
+      -1;             ///< kappa of pins that they were made with, N/m; negative: holds as well are to be made anew
+  Array<double> row;  ///< scratch, k
   Holds holds;
   HoldWays ways;                                 ///< of this step
   Matrix3d holds_turned = Matrix3d::Identity();  ///< frame of the holds in this step

@@ -98,10 +98,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
-  if (piece.springs_firm < 0 || piece.holds.stiffness != step.stiffness) {
-    makeHolds(body, piece, step.stiffness, scratch);
-    piece.springs_firm = -1;
-  }
+  prepareHolds(body, piece, step.stiffness, scratch);
   const double firm = firmness(body, piece, step);
   const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {

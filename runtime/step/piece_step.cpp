@@ -10,6 +10,7 @@
 #include "runtime/contact/collider_points.h"
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
+#include "runtime/solver/held_modes.h"
 #include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
 #include "runtime/step/body_state.h"
@@ -51,6 +52,7 @@ void PieceStep::begin() {
     return;
   }
   springs_ = hasSprings(body_, piece_);
+  if (springs_) dampOnHolds();
   forced_ = findForces();
   findMotion(mean);
   two_step_ = mayContinue();
@@ -142,6 +144,19 @@ void PieceStep::takeDrag() {
   forced_mean_ += mean;
   rigid_velocity_ += h_ * mean;
   dragged_ = h_ * h_ * mean;
+}
+
+// Of the velocity before as well: the two-step formula has it decay for two steps.
+void PieceStep::dampOnHolds() {
+  prepareHolds(body_, piece_, stiffness_, s_);
+  const double ratio = double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
+  PieceState& state = piece_.state;
+  const auto damp = [&](Array<Vector3d>& v, const RigidPlace& own) {
+    const HoldsMotion motion = {placeOfHolds(body_, piece_, 0, own), placeOfHolds(body_, piece_, 1, own), h_};
+    internal::dampOnHolds(field_, piece_.holds, motion, ratio, CoefficientMap(v.data()->data(), Eigen::Index(k_), 3));
+  };
+  damp(state.v, {frame_, moved_});
+  if (state.h_before > 0) damp(state.v_before, {turnBy(state.turn).transpose() * frame_, moved_});
 }
 
 void PieceStep::finishAlone() {

@@ -105,6 +105,8 @@ class PieceStep {
 
   /// begin() of what stands.
   void stand();
+  /// What pins hold decays as it rings on them.
+  void dampOnHolds();
 
   /// Forces at points become generalized ones. \return whether there are any.
   bool findForces();
