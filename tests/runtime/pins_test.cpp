@@ -459,35 +459,6 @@ TEST(Pins, ComeAndGoWithoutMovingTheBody) {
   }
 }
 
-// Ringing on pins that the bake did not foresee is mostly a turn of the whole, of which inner friction knows nothing.
-TEST(Pins, WhatTheyHoldDecaysAsItIsTold) {
-  Beam beam;
-  beam.residuals = true;
-  beam.gravity = 0.1F;
-  for (const float ratio : {0.05F, 0.25F}) {
-    HeldBeam held(beam);
-    auto& settings = held.world.settings();
-    settings.damping = settings.support_damping = 0;
-    settings.deformation_damping_ratio = 1;
-    for (int i = 0; i < 3000; ++i) held.world.step(1 / 240.0F);
-    const double low = held.sag();
-    settings.gravity = {0, 0, 0};
-    for (int i = 0; i < 3000; ++i) held.world.step(1 / 240.0F);
-    const double straight = held.sag();
-    ASSERT_GT(low - straight, 1e-3);
-    settings.gravity = {0, -beam.gravity, 0};
-    settings.deformation_damping_ratio = ratio;
-    double most = low;
-    for (int i = 0; i < 600; ++i) {
-      held.world.step(1 / 240.0F);
-      most = std::max(most, held.sag());
-    }
-    // Set loose it swings by exp(-pi ratio / (1 - ratio^2)^1/2) of its sag beyond it.
-    const double expected = std::exp(-std::numbers::pi * double(ratio) / std::sqrt(1 - double(ratio * ratio)));
-    EXPECT_NEAR((most - low) / (low - straight), expected, 0.1 * expected) << ratio;
-  }
-}
-
 // Nothing but the minimum itself says how fast what hangs on pins is.
 TEST(Pins, AStiffPendulumGainsNothing) {
   BoxOptions box;
