@@ -23,6 +23,31 @@ using Small = Eigen::Matrix<double, kVectors, kVectors>;
 using Row = Eigen::Map<Eigen::Matrix<double, kVectors, 1>>;
 using Vector = Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<kVectors>>;
 
+/// Rigid motions of a piece, and a row of theirs.
+constexpr std::uint32_t kRigid = 6;
+using RigidRow = Eigen::Map<Eigen::Matrix<double, kRigid, 1>>;
+
+/// Orthonormal ones. \param[out] rows 3 k
+void findRigid(const Field& field, double* rows) {
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const double one = field.oneOf(j);
+    const Vector3d arm = field.restOf(j) - one * field.rest_center;
+    for (int c = 0; c < 3; ++c) {
+      RigidRow row(rows + std::size_t(kRigid) * (3 * j + std::uint32_t(c)));
+      row.setZero();
+      row[c] = one;
+      for (int about = 0; about < 3; ++about) row[3 + about] = Vector3d::Unit(about).cross(arm)[c];
+    }
+  }
+  const auto vector = [&](std::uint32_t m) {
+    return Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<kRigid>>(rows + m, Eigen::Index(3) * field.k);
+  };
+  for (std::uint32_t m = 0; m < kRigid; ++m) {
+    for (std::uint32_t other = 0; other < m; ++other) vector(m) -= vector(other).dot(vector(m)) * vector(other);
+    vector(m) /= vector(m).norm();
+  }
+}
+
 /// Part of a vector that is no rigid motion, weighed by the functions' decay.
 double decayOf(const Field& field, const double* mode) {
   Vector3d way = Vector3d::Zero(), twist = way;
@@ -49,25 +74,43 @@ double decayOf(const Field& field, const double* mode) {
 
 }  // namespace
 
-std::size_t scratchOfHeldModes(const Field& field) {
+std::size_t matrixOfHeldModes(const Field& field) {
   const std::size_t n = 3 * std::size_t(field.k);
-  return n * (strideOf(n) + kVectors);
+  return n * strideOf(n);
 }
 
-void findHeldModes(const Field& field, Holds& holds, double* scratch) {
+std::size_t scratchOfHeldModes(const Field& field) { return 3 * std::size_t(field.k) * (kVectors + 2 * kRigid); }
+
+void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scratch) {
   const std::uint32_t n = 3 * field.k;
   holds.modes.clear();
   holds.lacking.clear();
-  if (holds.count == 0 || field.driven > 0 || n < kVectors) return;
-  const std::size_t stride = strideOf(n);
-  double *const a = scratch, *const x = a + stride * n;
-  const auto entry = [&](std::size_t i, std::size_t j) {
-    return double(field.stiffness[field.stride * i + j]) + double(holds.by_function[field.stride * i + j]);
-  };
   const double lowest = 2 * M_PI * field.lowest_hz, shift = kShift * lowest * lowest;
-  if (!(shift > 0)) return;
+  if (field.driven > 0 || n < kVectors || !(shift > 0)) return;
+  const std::size_t stride = strideOf(n);
+  double *const a = matrix, *const x = scratch, *const rigid = x + std::size_t(n) * kVectors,
+                *const pulls = rigid + std::size_t(n) * kRigid;
+  // Stiffness that rigid motions do not feel, to the last digit: K - R (K R)^T - (K R) R^T + R (R^T K R) R^T, R these
+  // motions, orthonormal.
+  findRigid(field, rigid);
+  Eigen::Matrix<double, kRigid, kRigid> inner = Eigen::Matrix<double, kRigid, kRigid>::Zero();
+  for (std::uint32_t i = 0; i < n; ++i) {
+    RigidRow pull(pulls + std::size_t(kRigid) * i);
+    pull.setZero();
+    const float* const row = field.stiffness + std::size_t(field.stride) * i;
+    for (std::uint32_t j = 0; j < n; ++j) pull += double(row[j]) * RigidRow(rigid + std::size_t(kRigid) * j);
+    inner += RigidRow(rigid + std::size_t(kRigid) * i) * pull.transpose();
+  }
   for (std::uint32_t j = 0; j < n; ++j) {
-    for (std::uint32_t i = j; i < n; ++i) a[stride * j + i] = entry(i, j) / shift + (i == j ? 1 : 0);
+    const RigidRow at(rigid + std::size_t(kRigid) * j), pull(pulls + std::size_t(kRigid) * j);
+    const Eigen::Matrix<double, kRigid, 1> back = inner * at - pull;
+    for (std::uint32_t i = j; i < n; ++i) {
+      const double stiffness = double(field.stiffness[std::size_t(field.stride) * i + j]) +
+                               RigidRow(rigid + std::size_t(kRigid) * i).dot(back) -
+                               RigidRow(pulls + std::size_t(kRigid) * i).dot(at);
+      double& entry = a[stride * j + i];
+      entry = (entry + stiffness) / shift + (i == j ? 1 : 0);
+    }
   }
   factorize(a, n);
   std::uint32_t state = 1;
@@ -97,11 +140,12 @@ void findHeldModes(const Field& field, Holds& holds, double* scratch) {
       vector(m) /= vector(m).norm();
     }
   }
+  // x^T A x by the factor: A = L L^T.
   Small form = Small::Zero();
-  for (std::uint32_t i = 0; i < n; ++i) {
-    Eigen::Matrix<double, kVectors, 1> pull = Eigen::Matrix<double, kVectors, 1>::Zero();
-    for (std::uint32_t j = 0; j < n; ++j) pull += entry(i, j) * row(j);
-    form += pull * row(i).transpose();
+  for (std::uint32_t j = 0; j < n; ++j) {
+    Eigen::Matrix<double, kVectors, 1> sum = Eigen::Matrix<double, kVectors, 1>::Zero();
+    for (std::uint32_t i = j; i < n; ++i) sum += a[stride * j + i] * row(i);
+    form += sum * sum.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Small> solver(form);
   holds.modes.resize(std::size_t(n) * kModes);
@@ -109,30 +153,8 @@ void findHeldModes(const Field& field, Holds& holds, double* scratch) {
   for (std::uint32_t m = 0; m < kModes; ++m) {
     double* const mode = holds.modes.begin() + std::size_t(n) * m;
     for (std::uint32_t i = 0; i < n; ++i) mode[i] = row(i).dot(solver.eigenvectors().col(int(m)));
-    holds.lacking[m] = std::max(0.0, 2 * std::sqrt(std::max(0.0, solver.eigenvalues()[m])) - decayOf(field, mode));
-  }
-}
-
-void dampOnHolds(const Field& field, const Holds& holds, const HoldsMotion& motion, double ratio, CoefficientMap v) {
-  if (holds.lacking.empty() || !(ratio > 0)) return;
-  const std::size_t n = 3 * std::size_t(field.k);
-  const Matrix3d turning = (motion.after.turned - motion.before.turned) / motion.h;
-  const Vector3d moving = (motion.after.moved - motion.before.moved) / motion.h;
-  std::array<double, kModes> amplitudes{};
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Vector3d led = turning * field.restOf(j) + field.oneOf(j) * moving;
-    const Vector3d local = motion.after.turned.transpose() * (v.row(j).transpose() - led);
-    for (std::uint32_t m = 0; m < kModes; ++m) {
-      amplitudes[m] += local.dot(Eigen::Map<const Vector3d>(holds.modes.data() + n * m + std::size_t{3} * j));
-    }
-  }
-  for (std::uint32_t m = 0; m < kModes; ++m) amplitudes[m] *= 1 - std::exp(-ratio * holds.lacking[m] * motion.h);
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    Vector3d lost = Vector3d::Zero();
-    for (std::uint32_t m = 0; m < kModes; ++m) {
-      lost += amplitudes[m] * Eigen::Map<const Vector3d>(holds.modes.data() + n * m + std::size_t{3} * j);
-    }
-    v.row(j) -= (motion.after.turned * lost).transpose();
+    holds.lacking[m] =
+        std::max(0.0, 2 * std::sqrt(std::max(0.0, shift * (solver.eigenvalues()[m] - 1))) - decayOf(field, mode));
   }
 }
 

@@ -165,7 +165,8 @@ void reserveHolds(Body& body, Piece& piece) {
   }
   piece.holds.modes.reserve(3 * std::size_t(field.k) * kHeldModes);
   piece.holds.lacking.reserve(kHeldModes);
-  piece.holds.scratch = std::max(scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single),
+  piece.holds.scratch = matrixOfHeldModes(field) +
+                        std::max(scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single),
                                  scratchOfHeldModes(field));
 }
 
@@ -203,7 +204,8 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
   const auto sets = std::uint32_t(holds.sets.size());
   const std::uint32_t answered = k + 4 * sets, m = answered + holds.single;
   const std::size_t stride = strideOf(r);
-  double *const a = scratch.holds.data(), *const z = a + stride * r, *const modes = z + stride * (3 * m + 1),
+  double *const of_modes = scratch.holds.data(), *const a = of_modes + matrixOfHeldModes(field),
+                *const z = a + stride * r, *const modes = z + stride * (3 * m + 1),
                 *const gram = modes + stride * 3 * kBatch, *const off = gram + std::size_t(m) * m,
                 *const psi = off + std::size_t{3} * m, *const pulls = psi + m,
                 *const factors = pulls + kBatch * answered,
@@ -290,7 +292,9 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
       for (std::uint32_t c = 0; c < 9; ++c) {
         const std::uint32_t row = 3 * i + c / 3, column = 3 * j + c % 3;
         const double direct = c / 3 == c % 3 ? gram[std::size_t(m) * i + j] : 0;
-        const auto answer = float(direct - columnOf(z, row).dot(columnOf(z, column)));
+        const double exact = direct - columnOf(z, row).dot(columnOf(z, column));
+        if (i < k && row >= column) of_modes[strideOf(3 * std::size_t(k)) * column + row] = exact;
+        const auto answer = float(exact);
         entry(column, row) = answer;
         if (i < answered) entry(row, column) = answer;
       }
@@ -303,7 +307,7 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     solveUpper(a, r, z + stride * j);
     for (std::uint32_t i = 0; i < r; ++i) entry(3 * answered + i, j) = float(z[stride * j + i]);
   }
-  findHeldModes(field, holds, scratch.holds.data());
+  findHeldModes(field, holds, of_modes, a);
 }
 
 }  // namespace

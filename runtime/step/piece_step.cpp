@@ -52,7 +52,7 @@ void PieceStep::begin() {
     return;
   }
   springs_ = hasSprings(body_, piece_);
-  if (springs_) dampOnHolds();
+  if (springs_) prepareHolds(body_, piece_, stiffness_, s_);
   forced_ = findForces();
   findMotion(mean);
   two_step_ = mayContinue();
@@ -146,17 +146,17 @@ void PieceStep::takeDrag() {
   dragged_ = h_ * h_ * mean;
 }
 
-// Of the velocity before as well: the two-step formula has it decay for two steps.
+// The part beta of it: the two-step formula goes on with a third of what the step before has lost.
 void PieceStep::dampOnHolds() {
-  prepareHolds(body_, piece_, stiffness_, s_);
+  const RigidPlace own = {frame_, moved_};
+  const HoldsMotion motion = {placeOfHolds(body_, piece_, 0, own), placeOfHolds(body_, piece_, 1, own), h_};
   const double ratio = double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
-  PieceState& state = piece_.state;
-  const auto damp = [&](Array<Vector3d>& v, const RigidPlace& own) {
-    const HoldsMotion motion = {placeOfHolds(body_, piece_, 0, own), placeOfHolds(body_, piece_, 1, own), h_};
-    internal::dampOnHolds(field_, piece_.holds, motion, ratio, CoefficientMap(v.data()->data(), Eigen::Index(k_), 3));
-  };
-  damp(state.v, {frame_, moved_});
-  if (state.h_before > 0) damp(state.v_before, {turnBy(state.turn).transpose() * frame_, moved_});
+  lostOnHolds(field_, piece_.holds, motion, ratio, std::as_const(piece_).v(),
+              [&](std::uint32_t j, const Vector3d& lost) {
+                const Vector3d less = effective_h_ / h_ * lost;
+                s_.predicted_velocity[j] -= less;
+                s_.prediction[j] -= effective_h_ * less;
+              });
 }
 
 void PieceStep::finishAlone() {
@@ -472,6 +472,7 @@ void PieceStep::predict() {
     }
     if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
   }
+  if (springs_) dampOnHolds();
   if (forced_) addForces();
   setBase();
 }

@@ -298,7 +298,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
               [](const Settings& x) { return int(x.clusters.limit); },
               [](Settings& x, int v) { x.clusters.limit = formats::LimitMethod(v); }}},
       {"clusters.limit_min", "", "Of principal: least stretch.", Number{&s.clusters.limit_min, 0.05, 1}},
-      {"clusters.limit_max", "", "Of principal and rows: stretch beyond which it resists ten times as firmly.",
+      {"clusters.limit_max", "", "Of principal and rows: stretch beyond which it resists twenty times as firmly.",
        Number{&s.clusters.limit_max, 1, 20}},
       {"clusters.limit_norm", "",
        "Of frobenius, frobenius_cheap and soft: squared norm from which they act; 3 is rest.",
