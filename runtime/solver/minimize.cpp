@@ -20,8 +20,8 @@ constexpr std::uint32_t kCuts = 2;
 constexpr std::uint32_t kPairs = 3;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
-/// The same where springs hold a piece, whose momentum nothing puts right: what is left over in each step is as large a
-/// part of gravity for the whole of a swing.
+/// The same where springs alone hold a piece, whose momentum nothing puts right: what is left over in each step is as
+/// large a part of gravity for the whole of a swing.
 constexpr double kSettledHeld = 1e-4;
 /// What pushes is balanced to this part of the inertia: firm springs, kappa h^2 / m of which may be thousands, have all
 /// of their load and friction on a way shorter than the last.
@@ -468,7 +468,7 @@ bool Objective::isPushed() const {
 
 double Objective::settled2(double way2) const {
   const double moves = kRounding * std::min(1.0, h * h * roughStiffness());
-  const double part = has_springs ? kSettledHeld : kSettled;
+  const double part = has_springs && field->driven == 0 ? kSettledHeld : kSettled;
   return part * part * way2 + moves * moves * field->second_moment;
 }
 
