@@ -3,7 +3,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "runtime/solver/dense.h"
@@ -11,9 +10,9 @@
 namespace sinew::internal {
 namespace {
 
-/// Vectors that modes are found among, and rounds (subspace iteration, Bathe 1971): a mode comes as
-/// much nearer in each as its eigenvalue is below the first one that has no vector.
-constexpr std::uint32_t kModes = kHeldModes, kVectors = 16;
+/// Vectors that modes are found among, and rounds (subspace iteration, Bathe 1971): a mode comes as much nearer in each
+/// as its eigenvalue is below the first one that has no vector.
+constexpr std::uint32_t kVectors = 16;
 constexpr int kSubspaceRounds = 6;
 /// Added to the matrix, of the free piece's lowest eigenvalue: holds may leave motions open.
 constexpr double kShift = 1e-2;
@@ -23,11 +22,11 @@ using Small = Eigen::Matrix<double, kVectors, kVectors>;
 using Row = Eigen::Map<Eigen::Matrix<double, kVectors, 1>>;
 using Vector = Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<kVectors>>;
 
-/// Rigid motions of a piece, and a row of theirs.
+/// Rigid motions, and a row of theirs.
 constexpr std::uint32_t kRigid = 6;
 using RigidRow = Eigen::Map<Eigen::Matrix<double, kRigid, 1>>;
 
-/// Orthonormal ones. \param[out] rows 3 k
+/// Orthonormal rigid motions of the rest shape. \param[out] rows 3 k
 void findRigid(const Field& field, double* rows) {
   for (std::uint32_t j = 0; j < field.k; ++j) {
     const double one = field.oneOf(j);
@@ -48,28 +47,41 @@ void findRigid(const Field& field, double* rows) {
   }
 }
 
-/// Part of a vector that is no rigid motion, weighed by the functions' decay.
-double decayOf(const Field& field, const double* mode) {
-  Vector3d way = Vector3d::Zero(), twist = way;
-  Matrix3d moment = Matrix3d::Zero();
-  const auto armOf = [&field](std::uint32_t j) {
-    return Vector3d(field.restOf(j) - field.oneOf(j) * field.rest_center);
-  };
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Eigen::Map<const Vector3d> at(mode + std::size_t{3} * j);
-    way += field.oneOf(j) / field.ones * at;
-    twist += armOf(j).cross(at);
-    moment += armOf(j) * armOf(j).transpose();
-  }
-  const Matrix3d inertia = moment.trace() * Matrix3d::Identity() - moment;
-  const Vector3d omega = inertia.inverse() * twist;
+/// Of a mode's part that is no rigid motion, weighed by the functions' decay. \param rigid rows of findRigid()
+double decayOf(const Field& field, double* rigid, const double* mode) {
+  const auto row = [rigid](std::size_t i) { return RigidRow(rigid + kRigid * i); };
+  Eigen::Matrix<double, kRigid, 1> share = Eigen::Matrix<double, kRigid, 1>::Zero();
+  const std::size_t n = 3 * std::size_t(field.k);
+  for (std::size_t i = 0; i < n; ++i) share += mode[i] * row(i);
   double sum = 0;
-  for (std::uint32_t j = 0; j < field.k; ++j) {
-    const Eigen::Map<const Vector3d> at(mode + std::size_t{3} * j);
-    const Vector3d own = at - field.oneOf(j) * way - omega.cross(armOf(j));
-    sum += 4 * M_PI * double(field.functions[j].damping_hz) * own.squaredNorm();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double own = mode[i] - share.dot(row(i));
+    sum += 4 * M_PI * double(field.functions[i / 3].damping_hz) * own * own;
   }
   return sum;
+}
+
+/// K - R (K R)^T - (K R) R^T + R (R^T K R) R^T is added to a lower triangle: the stiffness K, which rigid motions R do
+/// not feel to the last digit. \param pulls scratch, as many rows
+void addStiffness(const Field& field, double* rigid, double* pulls, double* matrix) {
+  const std::uint32_t n = 3 * field.k;
+  const auto row = [](double* of, std::size_t i) { return RigidRow(of + kRigid * i); };
+  Eigen::Matrix<double, kRigid, kRigid> inner = Eigen::Matrix<double, kRigid, kRigid>::Zero();
+  for (std::uint32_t i = 0; i < n; ++i) {
+    RigidRow pull = row(pulls, i);
+    pull.setZero();
+    for (std::uint32_t j = 0; j < n; ++j) {
+      pull += double(field.stiffness[std::size_t(field.stride) * i + j]) * row(rigid, j);
+    }
+    inner += row(rigid, i) * pull.transpose();
+  }
+  for (std::uint32_t j = 0; j < n; ++j) {
+    const Eigen::Matrix<double, kRigid, 1> back = inner * row(rigid, j) - row(pulls, j);
+    for (std::uint32_t i = j; i < n; ++i) {
+      matrix[strideOf(n) * j + i] += double(field.stiffness[std::size_t(field.stride) * i + j]) +
+                                     row(rigid, i).dot(back) - row(pulls, i).dot(row(rigid, j));
+    }
+  }
 }
 
 }  // namespace
@@ -90,27 +102,10 @@ void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scr
   const std::size_t stride = strideOf(n);
   double *const a = matrix, *const x = scratch, *const rigid = x + std::size_t(n) * kVectors,
                 *const pulls = rigid + std::size_t(n) * kRigid;
-  // Stiffness that rigid motions do not feel, to the last digit: K - R (K R)^T - (K R) R^T + R (R^T K R) R^T, R these
-  // motions, orthonormal.
   findRigid(field, rigid);
-  Eigen::Matrix<double, kRigid, kRigid> inner = Eigen::Matrix<double, kRigid, kRigid>::Zero();
-  for (std::uint32_t i = 0; i < n; ++i) {
-    RigidRow pull(pulls + std::size_t(kRigid) * i);
-    pull.setZero();
-    const float* const row = field.stiffness + std::size_t(field.stride) * i;
-    for (std::uint32_t j = 0; j < n; ++j) pull += double(row[j]) * RigidRow(rigid + std::size_t(kRigid) * j);
-    inner += RigidRow(rigid + std::size_t(kRigid) * i) * pull.transpose();
-  }
+  addStiffness(field, rigid, pulls, a);
   for (std::uint32_t j = 0; j < n; ++j) {
-    const RigidRow at(rigid + std::size_t(kRigid) * j), pull(pulls + std::size_t(kRigid) * j);
-    const Eigen::Matrix<double, kRigid, 1> back = inner * at - pull;
-    for (std::uint32_t i = j; i < n; ++i) {
-      const double stiffness = double(field.stiffness[std::size_t(field.stride) * i + j]) +
-                               RigidRow(rigid + std::size_t(kRigid) * i).dot(back) -
-                               RigidRow(pulls + std::size_t(kRigid) * i).dot(at);
-      double& entry = a[stride * j + i];
-      entry = (entry + stiffness) / shift + (i == j ? 1 : 0);
-    }
+    for (std::uint32_t i = j; i < n; ++i) a[stride * j + i] = a[stride * j + i] / shift + (i == j ? 1 : 0);
   }
   factorize(a, n);
   std::uint32_t state = 1;
@@ -148,13 +143,13 @@ void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scr
     form += sum * sum.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Small> solver(form);
-  holds.modes.resize(std::size_t(n) * kModes);
-  holds.lacking.resize(kModes);
-  for (std::uint32_t m = 0; m < kModes; ++m) {
+  holds.modes.resize(std::size_t(n) * kHeldModes);
+  holds.lacking.resize(kHeldModes);
+  for (std::uint32_t m = 0; m < kHeldModes; ++m) {
     double* const mode = holds.modes.begin() + std::size_t(n) * m;
     for (std::uint32_t i = 0; i < n; ++i) mode[i] = row(i).dot(solver.eigenvectors().col(int(m)));
-    holds.lacking[m] =
-        std::max(0.0, 2 * std::sqrt(std::max(0.0, shift * (solver.eigenvalues()[m] - 1))) - decayOf(field, mode));
+    holds.lacking[m] = std::max(
+        0.0, 2 * std::sqrt(std::max(0.0, shift * (solver.eigenvalues()[m] - 1))) - decayOf(field, rigid, mode));
   }
 }
 

@@ -107,7 +107,7 @@ double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row);
 
 /// Amplitudes of the residual modes: P^T S b, pulling back. \param[out] amplitudes r
 void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes);
-/// Adds the amplitudes that picks alone would have: P^T f. Modes cut off at the last ring all over the piece where a
+/// Finds the amplitudes that picks alone would have: P^T f. Modes cut off at the last ring all over the piece where a
 /// point is pulled; what is given way to a pick is drawn near it alone, by PickWindow. \param z coefficients drawn.
 /// \param turned the frame of the amplitudes. \param[out] amplitudes r. \return how many picks there are
 std::uint32_t findPickAmplitudes(const Body& body, const Piece& piece, const ConstCoefficientMap& z,

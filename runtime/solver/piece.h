@@ -152,10 +152,9 @@ struct Piece {
   double fibre_energy = 0;      ///< at rest, J
   bool fibres_changed = false;  ///< they are to be made anew
 
-  Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
-  double springs_firm =
-      -1;             ///< kappa of pins that they were made with, N/m; negative: holds as well are to be made anew
-  Array<double> row;  ///< scratch, k
+  Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
+  double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: nor are holds made
+  Array<double> row;         ///< scratch, k
   Holds holds;
   HoldWays ways;                                 ///< of this step
   Matrix3d holds_turned = Matrix3d::Identity();  ///< frame of the holds in this step
