@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/held_modes.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -10,14 +10,13 @@
 namespace sinew::internal {
 namespace {
 
-/// Vectors that modes are found among, and rounds (subspace iteration, Bathe 1971): a mode comes as much nearer in each
-/// as its eigenvalue is below the first one that has no vector.
+/// Vectors that modes are found among, and rounds (simultaneous iteration, Bauer 1957). Modes of nearly one frequency
+/// stay mixed, and decay alike.
 constexpr std::uint32_t kVectors = 16;
-constexpr int kSubspaceRounds = 6;
+constexpr int kModeRounds = 16;
 /// Added to the matrix, of the free piece's lowest eigenvalue: holds may leave motions open.
 constexpr double kShift = 1e-2;
 
-using Small = Eigen::Matrix<double, kVectors, kVectors>;
 /// A row of the vectors.
 using Row = Eigen::Map<Eigen::Matrix<double, kVectors, 1>>;
 using Vector = Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<kVectors>>;
@@ -115,7 +114,7 @@ void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scr
   }
   const auto row = [x](std::size_t i) { return Row(x + kVectors * i); };
   const auto vector = [x, n](std::uint32_t m) { return Vector(x + m, n); };
-  for (int round = 0; round < kSubspaceRounds; ++round) {
+  for (int round = 0; round < kModeRounds; ++round) {
     for (std::uint32_t j = 0; j < n; ++j) {
       const double* const column = a + stride * j;
       row(j) /= column[j];
@@ -135,21 +134,17 @@ void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scr
       vector(m) /= vector(m).norm();
     }
   }
-  // x^T A x by the factor: A = L L^T.
-  Small form = Small::Zero();
-  for (std::uint32_t j = 0; j < n; ++j) {
-    Eigen::Matrix<double, kVectors, 1> sum = Eigen::Matrix<double, kVectors, 1>::Zero();
-    for (std::uint32_t i = j; i < n; ++i) sum += a[stride * j + i] * row(i);
-    form += sum * sum.transpose();
-  }
-  const Eigen::SelfAdjointEigenSolver<Small> solver(form);
   holds.modes.resize(std::size_t(n) * kHeldModes);
   holds.lacking.resize(kHeldModes);
   for (std::uint32_t m = 0; m < kHeldModes; ++m) {
     double* const mode = holds.modes.begin() + std::size_t(n) * m;
-    for (std::uint32_t i = 0; i < n; ++i) mode[i] = row(i).dot(solver.eigenvectors().col(int(m)));
-    holds.lacking[m] = std::max(
-        0.0, 2 * std::sqrt(std::max(0.0, shift * (solver.eigenvalues()[m] - 1))) - decayOf(field, rigid, mode));
+    Column(mode, n) = vector(m);
+    double value = 0;  // x^T A x by the factor: A = L L^T
+    for (std::uint32_t j = 0; j < n; ++j) {
+      const double sum = ConstColumn(a + stride * j + j, n - j).dot(ConstColumn(mode + j, n - j));
+      value += sum * sum;
+    }
+    holds.lacking[m] = std::max(0.0, 2 * std::sqrt(std::max(0.0, shift * (value - 1))) - decayOf(field, rigid, mode));
   }
 }
 
