@@ -10,16 +10,12 @@
 namespace sinew::internal {
 namespace {
 
-/// Vectors that modes are found among, and rounds (simultaneous iteration, Bauer 1957). Modes of nearly one frequency
-/// stay mixed, and decay alike.
-constexpr std::uint32_t kVectors = 16;
+/// Rounds of simultaneous iteration (Bauer 1957). A mode of eigenvalue l is as much purer in each as l + s is below
+/// that of the next, s the shift. Modes of nearly one frequency stay mixed, and decay alike.
 constexpr int kModeRounds = 16;
-/// Added to the matrix, of the free piece's lowest eigenvalue: holds may leave motions open.
+/// The shift s, of the free piece's lowest eigenvalue: the matrix is (H + s) / s, for holds may leave motions open,
+/// whose eigenvalue is 0.
 constexpr double kShift = 1e-2;
-
-/// A row of the vectors.
-using Row = Eigen::Map<Eigen::Matrix<double, kVectors, 1>>;
-using Vector = Eigen::Map<Eigen::VectorXd, 0, Eigen::InnerStride<kVectors>>;
 
 /// Rigid motions, and a row of theirs.
 constexpr std::uint32_t kRigid = 6;
@@ -90,61 +86,51 @@ std::size_t matrixOfHeldModes(const Field& field) {
   return n * strideOf(n);
 }
 
-std::size_t scratchOfHeldModes(const Field& field) { return 3 * std::size_t(field.k) * (kVectors + 2 * kRigid); }
+std::size_t scratchOfHeldModes(const Field& field) { return 3 * std::size_t(field.k) * 2 * kRigid; }
 
 void findHeldModes(const Field& field, Holds& holds, double* matrix, double* scratch) {
   const std::uint32_t n = 3 * field.k;
   holds.modes.clear();
   holds.lacking.clear();
   const double lowest = 2 * M_PI * field.lowest_hz, shift = kShift * lowest * lowest;
-  if (field.driven > 0 || n < kVectors || !(shift > 0)) return;
+  if (field.driven > 0 || n < kHeldModes || !(shift > 0)) return;
   const std::size_t stride = strideOf(n);
-  double *const a = matrix, *const x = scratch, *const rigid = x + std::size_t(n) * kVectors,
-                *const pulls = rigid + std::size_t(n) * kRigid;
+  double *const rigid = scratch, *const pulls = rigid + std::size_t(n) * kRigid;
   findRigid(field, rigid);
-  addStiffness(field, rigid, pulls, a);
+  addStiffness(field, rigid, pulls, matrix);
   for (std::uint32_t j = 0; j < n; ++j) {
-    for (std::uint32_t i = j; i < n; ++i) a[stride * j + i] = a[stride * j + i] / shift + (i == j ? 1 : 0);
+    double* const column = matrix + stride * j;
+    Column(column + j, n - j) /= shift;
+    column[j] += 1;
   }
-  factorize(a, n);
-  std::uint32_t state = 1;
-  for (std::size_t i = 0; i < std::size_t(n) * kVectors; ++i) {
-    state = state * 1664525U + 1013904223U;
-    x[i] = double(state) / 4294967296.0 - 0.5;
-  }
-  const auto row = [x](std::size_t i) { return Row(x + kVectors * i); };
-  const auto vector = [x, n](std::uint32_t m) { return Vector(x + m, n); };
-  for (int round = 0; round < kModeRounds; ++round) {
-    for (std::uint32_t j = 0; j < n; ++j) {
-      const double* const column = a + stride * j;
-      row(j) /= column[j];
-      for (std::uint32_t i = j + 1; i < n; ++i) row(i) -= column[i] * row(j);
-    }
-    for (std::uint32_t j = n; j-- > 0;) {
-      const double* const column = a + stride * j;
-      for (std::uint32_t i = j + 1; i < n; ++i) row(j) -= column[i] * row(i);
-      row(j) /= column[j];
-    }
-    for (std::uint32_t m = 0; m < kVectors; ++m) {
-      for (int twice = 0; twice < 2; ++twice) {
-        for (std::uint32_t other = 0; other < m; ++other) {
-          vector(m) -= vector(other).dot(vector(m)) * vector(other);
-        }
-      }
-      vector(m) /= vector(m).norm();
-    }
-  }
+  factorize(matrix, n);
   holds.modes.resize(std::size_t(n) * kHeldModes);
+  std::uint32_t state = 1;
+  for (double& number : holds.modes) {
+    state = state * 1664525U + 1013904223U;
+    number = double(state) / 4294967296.0 - 0.5;
+  }
+  const auto mode = [&holds, n](std::uint32_t m) { return Column(holds.modes.data() + std::size_t(n) * m, n); };
+  for (int round = 0; round < kModeRounds; ++round) {
+    for (std::uint32_t m = 0; m < kHeldModes; ++m) {
+      Column own = mode(m);
+      solveLower(matrix, n, own.data());
+      solveUpper(matrix, n, own.data());
+      for (int twice = 0; twice < 2; ++twice) {
+        for (std::uint32_t other = 0; other < m; ++other) own -= mode(other).dot(own) * mode(other);
+      }
+      own /= own.norm();
+    }
+  }
   holds.lacking.resize(kHeldModes);
   for (std::uint32_t m = 0; m < kHeldModes; ++m) {
-    double* const mode = holds.modes.begin() + std::size_t(n) * m;
-    Column(mode, n) = vector(m);
     double value = 0;  // x^T A x by the factor: A = L L^T
     for (std::uint32_t j = 0; j < n; ++j) {
-      const double sum = ConstColumn(a + stride * j + j, n - j).dot(ConstColumn(mode + j, n - j));
+      const double sum = ConstColumn(matrix + stride * j + j, n - j).dot(mode(m).tail(n - j));
       value += sum * sum;
     }
-    holds.lacking[m] = std::max(0.0, 2 * std::sqrt(std::max(0.0, shift * (value - 1))) - decayOf(field, rigid, mode));
+    holds.lacking[m] =
+        std::max(0.0, 2 * std::sqrt(std::max(0.0, shift * (value - 1))) - decayOf(field, rigid, mode(m).data()));
   }
 }
 

@@ -23,8 +23,8 @@ constexpr double kSettled = 1e-3;
 /// The same where springs alone hold a piece, whose momentum nothing puts right: what is left over in each step is as
 /// large a part of gravity for the whole of a swing.
 constexpr double kSettledHeld = 1e-4;
-/// What pushes is balanced to this part of the inertia: firm springs, kappa h^2 / m of which may be thousands, have all
-/// of their load and friction on a way shorter than the last.
+/// Of the inertia m d / h^2, d the way from the prediction: the force that contacts may leave over on the whole. Firm
+/// ones, kappa h^2 / m of which may be thousands, have all of their load and friction on a way shorter than kSettled d.
 constexpr double kBalanced = 1e-2;
 /// Rounding of shapes in floats, of their size.
 constexpr double kRounding = 3e-7;

@@ -77,7 +77,8 @@ struct PieceState {
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 
-/// Modes of a piece on its holds, of which the damping is that of the settings.
+/// Modes of a piece on its holds, the lowest, of which the damping is that of the settings. Of the first the functions'
+/// own decay lacks nearly all, of the last a third to a half (docs/decisions/0038-balance.md).
 inline constexpr std::uint32_t kHeldModes = 12;
 
 /// Holds of a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All

@@ -98,7 +98,6 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
-  prepareHolds(body, piece, step.stiffness, scratch);
   const double firm = firmness(body, piece, step);
   const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {

@@ -28,8 +28,7 @@ bool hasSprings(const Body& body, const Piece& piece);
 void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull);
 
 /// Makes piece.springs where pins or picks have changed, and scratch.springs and scratch.residual for this step: the
-/// pull at the predicted coefficients, in the frame of the piece. \param y predicted. \param velocity at the step's
-/// start, for the damping of picks.
+/// pull at the predicted coefficients, in the frame of the piece. \param y predicted. \pre prepareHolds()
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
                     MinimizeScratch& scratch);
 

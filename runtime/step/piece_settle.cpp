@@ -136,7 +136,7 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
     load += touch.load;
   }
   const double size = push.norm();
-  const Vector3d normal = push / size;
+  const Vector3d normal = push.normalized();
   double returned = 0, along = 0;
   for (const ColliderTouch& touch : touches) {
     const double part = std::max(0.0, touch.push.dot(normal));

@@ -148,6 +148,7 @@ void PieceStep::takeDrag() {
 
 // The part beta of it: the two-step formula goes on with a third of what the step before has lost.
 void PieceStep::dampOnHolds() {
+  if (piece_.holds.lacking.empty()) return;
   const RigidPlace own = {frame_, moved_};
   const HoldsMotion motion = {placeOfHolds(body_, piece_, 0, own), placeOfHolds(body_, piece_, 1, own), h_};
   const double ratio = double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));

@@ -65,7 +65,7 @@ double boxDistance2(std::span<const Vec3> points, const formats::Triangle& t, co
 class PathSides {
  public:
   PathSides(const Vector3d& from, const Vector3d& way, double radius) {
-    constexpr double kRounding = 1e-12;  // of sums of products of doubles, relative: a few of 2^-52, and to spare
+    constexpr double kRounding = 1e-12;  // relative; sums of three products of doubles are off by 1e-15
     const double length = way.norm(), room = radius + kRounding * (from.norm() + length);
     axis_[0] = way / length;
     axis_[1] = axis_[0].unitOrthogonal();
