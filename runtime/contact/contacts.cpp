@@ -82,9 +82,9 @@ class Search {
     const float old_margin = marginOf(old_normal, collider.pose_before.position);
     for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
       const bool near_before = old_heights[p] < old_margin;
-      if (heights[p] < margin || near_before) {
-        lent_.candidates.push_back({p, number, near_before, plane.normal, -plane.distance});
-      }
+      if (!(heights[p] < margin) && !near_before) continue;
+      const bool stays = heights[p] < margin + normal.cast<float>().dot(fallOf(p));
+      lent_.candidates.push_back({p, number, near_before, stays, plane.normal, -plane.distance});
     }
   }
 
@@ -129,10 +129,14 @@ class Search {
       // A touching point may be pressed through a thin shape.
       if (touched == nullptr && !box.intersects(way)) continue;
       const Vector3d from = collider.pose_before.toLocal(center_ + before.cast<double>());
-      const auto look = [&](const Eigen::Vector3f& to) {
-        return lookAtPath(number, collider, p, touched, from, collider.pose.toLocal(center_ + to.cast<double>()));
-      };
-      if (!look(lies) && lies != now) look(now);
+      const Vector3d to = collider.pose.toLocal(center_ + lies.cast<double>());
+      if (!lookAtPath(number, collider, p, touched, from, to) &&
+          (lies == now ||
+           !lookAtPath(number, collider, p, touched, from, collider.pose.toLocal(center_ + now.cast<double>())))) {
+        continue;
+      }
+      Candidate& found = lent_.candidates.back();
+      found.stays = found.normal.dot(to) - found.offset < margin_;
     }
   }
 
@@ -147,7 +151,7 @@ class Search {
       start += (kResolved * step_.diagonal - height) * Eigen::Map<const Vector3d>(touched->normal.data());
     }
     if (touched == nullptr && isClear(to, margin_ + (to - from).norm())) return false;
-    Candidate found = {p, number, touched != nullptr, Vector3d::Zero(), 0};
+    Candidate found = {p, number, touched != nullptr, true, Vector3d::Zero(), 0};
     found.from = from;
     // The plane of the last step, as far as the collider reaches.
     const auto staysAt = [&](const Vector3d& place) {
@@ -270,7 +274,10 @@ class Search {
     }
   }
 
-  /// Of many those carry that are near before the step, for which do must not depend on its length; then the others.
+  /// Of many those carry first that are near before the step and stay so: which do must not depend on its length. Then
+  /// those that come: what rolls leaves the others behind.
+  static std::size_t rankOf(const Candidate& candidate) { return !candidate.stays ? 2 : candidate.near_before ? 0 : 1; }
+
   /// Colliders that have more than their share have as many as one another: what lies on the ground meets walls.
   void choose() {
     chooseWays();
@@ -287,12 +294,16 @@ class Search {
     forEachCollider([&](std::span<Candidate> of_one) {
       std::size_t count = std::min(of_one.size(), share);
       if (count < of_one.size() && left > 0) ++count, --left;
-      const auto before = std::size_t(std::count_if(of_one.begin(), of_one.end(),
-                                                    [](const Candidate& candidate) { return candidate.near_before; }));
-      std::size_t first = std::min(before, count), others = count - first;
-      std::size_t more = count * (kMostContacts - kMostCarrying) / kMostCarrying;
+      std::array<std::size_t, 3> of_rank = {};
+      for (const Candidate& candidate : of_one) ++of_rank[rankOf(candidate)];
+      std::size_t more = count * (kMostContacts - kMostCarrying) / kMostCarrying, none = 0;
+      for (std::size_t& some : of_rank) {
+        some = std::min(some, count);
+        count -= some;
+      }
       for (Candidate& candidate : of_one) {
-        std::size_t& allowed = !candidate.near_before ? others : first > 0 ? first : more;
+        std::size_t& own = of_rank[rankOf(candidate)];
+        std::size_t& allowed = own > 0 ? own : candidate.near_before ? more : none;
         if (allowed == 0) continue;
         --allowed;
         const TouchingPoint* const touched = touchedBefore(candidate);
@@ -364,7 +375,7 @@ class Search {
     Vector3d slid = touched != nullptr ? Vector3d(collider.pose.rotation * (before - anchor)) : Vector3d::Zero();
     slid -= (normal.dot(slid) + pressed_in) * normal;
     damp(contact, damping, step_.h, slid.cast<float>());
-    contact.firm = contact.kappa;
+    contact.firm = gap < margin_ ? contact.kappa : 0;
     scratch_.contacts.push_back(contact);
   }
 

@@ -39,6 +39,7 @@ struct ContactStep {
 struct Candidate {
   std::uint32_t point, collider;     ///< of the field; number among those of the step
   bool near_before;                  ///< near it before the step
+  bool stays;                        ///< near it at the prediction, but for its fall
   Vector3d normal;                   ///< of the plane, in the collider's coordinates, unit
   double offset;                     ///< of the plane along it, m
   bool inside = false;               ///< it begins within the collider

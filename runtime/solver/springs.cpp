@@ -131,7 +131,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += pullOf(piece, step, 3 * std::size_t(j));
   }
   for (std::uint32_t j = 0; j < k; ++j) {
-    const Vector3d pull = step.turned.transpose() * scratch.external[j];
+    const Vector3d pull = step.frame.transpose() * scratch.external[j];
     for (std::uint32_t c = 0; c < 3; ++c) scratch.residual[4 * j + c] = float(pull[int(c)]);
     scratch.residual[4 * j + 3] = 0;
   }

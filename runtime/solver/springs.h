@@ -18,6 +18,7 @@ struct SpringStep {
   float stiffness;  ///< factor on the moduli
   Matrix3d turned;  ///< the frame of the piece when the step begins
   Vector3d moved;   ///< and where its rest shape's origin is then: a rigid motion, m
+  Matrix3d frame;   ///< of the objective
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 

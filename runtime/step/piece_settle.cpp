@@ -20,7 +20,7 @@ void PieceStep::settle() {
   CoefficientMap z = piece_.z(), v = piece_.v();
   for (std::uint32_t j = 0; j < k_; ++j) {
     const float* const d = s_.d.data() + 4 * j;
-    const Vector3d moved = frame_ * Vector3d(double(d[0]), double(d[1]), double(d[2]));
+    const Vector3d moved = ahead_ * Vector3d(double(d[0]), double(d[1]), double(d[2]));
     state.z[j] = s_.prediction[j] + moved;
     state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
   }
@@ -203,7 +203,7 @@ void PieceStep::react() {
     tetherPull(field_, springStep(), std::as_const(piece_).z(), {s_.external.data(), rows});
     for (std::uint32_t j = 0; j < rows; ++j) {
       const float* const g = s_.gradient.data() + 4 * j;
-      s_.external[j] += frame_ * Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
+      s_.external[j] += ahead_ * Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
       if (forced_) s_.external[j] -= s_.forces[j];
     }
   }

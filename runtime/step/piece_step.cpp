@@ -26,6 +26,8 @@ constexpr double kLargeTurn = 0.1;
 constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
+/// A turn by t that is taken linearly stretches a shape by 1 - cos t, which may be so much.
+constexpr double kStretched = 1e-3;
 /// Of the step's length that of the inertia of what stands: a trillion times its mass.
 constexpr double kStanding = 1e-6;
 
@@ -47,6 +49,7 @@ void PieceStep::begin() {
   const Vector3d mean = meanOf(field_, now);
   frame_ = rotationOf(field_, now, mean);
   moved_ = mean - frame_ * field_.rest_center;
+  ahead_ = frame_;
   if (stands()) {
     stand();
     return;
@@ -111,7 +114,7 @@ void PieceStep::addDrag() {
       way += phi * (y().row(j).transpose() - piece_.state.z[j]);
     }
     const double c = factor * double(field_.points[p].area) * before.norm() / h_;
-    const Vector3d pull = frame_.transpose() * way;
+    const Vector3d pull = ahead_.transpose() * way;
     for (std::uint32_t i = 0; i < k_; ++i) {
       const double row = c * double(field_.valueAtPoint(p, i));
       for (std::uint32_t a = 0; a < 3; ++a) residual[4 * i + a] += float(row * pull[int(a)]);
@@ -136,7 +139,7 @@ void PieceStep::takeDrag() {
       }
       pull[int(a)] = -sum;
     }
-    s_.external[i] = frame_ * pull;
+    s_.external[i] = ahead_ * pull;
   }
   const ConstCoefficientMap drag(s_.external.data()->data(), Eigen::Index(k_), 3);
   const Vector3d mean = meanOf(field_, drag);
@@ -218,13 +221,18 @@ void PieceStep::prepareTogether(std::span<TouchRow> rows) {
 }
 
 void PieceStep::setFrame() {
-  objective_.setFrame({s_.prediction.data(), k_}, center_, frame_);
+  objective_.setFrame({s_.prediction.data(), k_}, center_, ahead_);
   if (field_.driven == 0 && !stands() && !(springs_ && two_step_)) objective_.spin(momentum_, omega_after_);
 }
 
 void PieceStep::oldPlace(float* d) const {
   std::fill_n(d, 4 * field_.driven, 0.0F);
   for (std::uint32_t j = field_.driven; j < k_; ++j) setOffset(d, j, oldPlaceOf(j) - s_.prediction[j]);
+}
+
+bool PieceStep::turnsFar() const {
+  const double turn = h_ * rigid_.omega.norm(), radius2 = double(field_.second_moment) / field_.mass;
+  return 1 - std::cos(turn) > kStretched && turn * turn * radius2 > fall().squaredNorm();
 }
 
 Vector3d PieceStep::oldPlaceOf(std::uint32_t j) const {
@@ -237,7 +245,7 @@ Vector3d PieceStep::movedAlong(std::uint32_t j, const Vector3d& center) const {
 }
 
 void PieceStep::setOffset(float* d, std::uint32_t j, const Vector3d& way) const {
-  const Vector3d local = frame_.transpose() * way;
+  const Vector3d local = ahead_.transpose() * way;
   for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? float(local[int(c)]) : 0;
 }
 
@@ -408,6 +416,7 @@ void PieceStep::predict() {
   // for a turn back, larger each time.
   const bool turns = !(springs_ && two_step_);
   const Matrix3d turn = turns ? turn_ : Matrix3d::Identity();
+  ahead_ = turn * frame_;
   const Matrix3d turn_before = turns ? turnBy(piece_.state.turn) : Matrix3d::Identity();
   const Vector3d omega_before = piece_.state.omega;
   rigid_omega_ = turning * omega_after_;
@@ -543,7 +552,7 @@ void PieceStep::findObjective() {
 void PieceStep::findSprings() {
   prepareSprings(body_, piece_, springStep(), y(), s_);
   objective_.holds = piece_.holds.count > 0 ? piece_.holds.by_function.data() : nullptr;
-  objective_.holds_rotation = (frame_.transpose() * piece_.holds_turned).cast<float>();
+  objective_.holds_rotation = (ahead_.transpose() * piece_.holds_turned).cast<float>();
 }
 
 void PieceStep::rebase() {
@@ -648,16 +657,36 @@ void PieceStep::solve() {
     objective_.press(s_.old.data());
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
     if (maySlide(objective_)) {
-      // What slides goes on as a whole, under the loads that it had.
-      const Objective::Value still = objective_.at(s_.old.data(), s_.next_gradient.data(), false);
-      slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());
-      const Objective::Value slid = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
-      if (slid.total < std::min(still.total, value.total)) {
+      // What slides or rolls goes on as a whole, under the loads that it had.
+      bool taken = false, last = false;
+      for (const bool along : {true, false}) {
+        if (along && !turnsFar()) continue;
+        for (std::uint32_t j = field_.driven; j < k_; ++j) {
+          const Vector3d place = along ? movedAlong(j, rigid_.center + h_ * rigid_.velocity) : oldPlaceOf(j);
+          setOffset(s_.old.data(), j, place - s_.prediction[j]);
+        }
+        const Objective::Value from = objective_.at(s_.old.data(), s_.next_gradient.data(), false);
+        slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());
+        const Objective::Value slid = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+        last = slid.total < std::min(from.total, value.total);
+        if (!last) continue;
+        taken = true;
         takeNext(slid);
+      }
+      if (taken && !last) {
+        value = objective_.at(s_.d.data(), s_.gradient.data(), false);
+        // The fall of the prediction presses on what it does not roll on.
+        for (Contact& contact : s_.contacts) {
+          if (!(gapOf(contact) < 0)) contact.firm = 0;
+        }
+        useRestSystem(objective_, piece_.system);
+      }
+      if (taken) {
         value_ = minimize(objective_, piece_.system, pairs, most, value);
         return;
       }
       std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
+      objective_.press(s_.old.data());
     }
     if (piece_.state.elastic >= 0 && expected < value.total) {
       old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);

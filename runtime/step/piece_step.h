@@ -101,7 +101,9 @@ class PieceStep {
   ContactStep contactStep() const;
   /// What gravity alone adds to the prediction of what nothing drives, m; 0 where nothing takes it back.
   Vector3d fall() const;
-  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, moved_, center_}; }
+  SpringStep springStep() const {
+    return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, moved_, ahead_, center_};
+  }
 
   /// begin() of what stands.
   void stand();
@@ -156,6 +158,10 @@ class PieceStep {
 
   bool touches() const;
 
+  /// Whether a turn taken linearly from the old place would stretch the shape, and takes it farther than it falls: then
+  /// what it lies on does not end the turn within the step.
+  bool turnsFar() const;
+
   /// Whether all that push at the prediction touched at the end of the last step.
   bool touchesAsBefore() const;
 
@@ -204,6 +210,7 @@ class PieceStep {
   Vector3d forced_mean_ = Vector3d::Zero(), twist_ = Vector3d::Zero();  ///< their acceleration, m/s^2, and torque, N m
   Rigid rigid_;
   Matrix3d frame_ = Matrix3d::Identity();    ///< of the piece when the step begins
+  Matrix3d ahead_ = Matrix3d::Identity();    ///< the same turned as the prediction is: that of the objective
   Vector3d moved_ = Vector3d::Zero();        ///< of the rest shape, with that frame
   Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
   Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// A baked ball rolls as mechanics say: in a step of 1/60 s it turns by up to a radian.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+#include "sinew/runtime/world.h"
+#include "tests/support/motion.h"
+#include "tools/bake/bake.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using test::Motion;
+using test::motionOf;
+
+constexpr double kRadius = 0.05;
+
+/// Rings of a globe.
+void writeBall(std::ofstream& obj) {
+  constexpr int kRings = 20, kAround = 40;
+  const auto vertex = [](int ring, int i) {
+    if (ring == 0) return 1;
+    if (ring == kRings) return 2;
+    return 3 + (ring - 1) * kAround + i % kAround;
+  };
+  obj << "v 0 " << kRadius << " 0\nv 0 " << -kRadius << " 0\n";
+  for (int ring = 1; ring < kRings; ++ring) {
+    for (int i = 0; i < kAround; ++i) {
+      const double down = std::numbers::pi * ring / kRings, around = 2 * std::numbers::pi * i / kAround;
+      obj << "v " << kRadius * std::sin(down) * std::cos(around) << ' ' << kRadius * std::cos(down) << ' '
+          << kRadius * std::sin(down) * std::sin(around) << '\n';
+    }
+  }
+  for (int ring = 0; ring < kRings; ++ring) {
+    for (int i = 0; i < kAround; ++i) {
+      const int a = vertex(ring, i), b = vertex(ring, i + 1), c = vertex(ring + 1, i + 1), d = vertex(ring + 1, i);
+      if (ring > 0) obj << "f " << a << ' ' << b << ' ' << (ring + 1 < kRings ? c : d) << '\n';
+      if (ring + 1 < kRings) obj << "f " << a << ' ' << c << ' ' << d << '\n';
+    }
+  }
+}
+
+/// \param hz that it rings at; 0: as by default.
+std::shared_ptr<const Asset> ballOf(int hz) {
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("sinew_ball" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  {
+    std::ofstream obj(folder / "ball.obj");
+    writeBall(obj);
+  }
+  Recipe recipe = parseRecipe(R"({"sinew_recipe": 2, "source": "ball.obj"})", folder / "ball.json");
+  recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
+  if (hz > 0) {
+    recipe.settings.clusters.stretch_hz = recipe.settings.clusters.bend_hz = recipe.settings.clusters.twist_hz =
+        double(hz);
+  }
+  Progress progress(false);
+  auto asset = *Asset::fromMemory(bake(recipe, progress).package);
+  std::filesystem::remove_all(folder);
+  return asset;
+}
+
+WorldSettings withoutDamping() {
+  WorldSettings settings;
+  settings.damping = settings.support_damping = 0;
+  settings.ground.enabled = true;
+  settings.ground.friction = 0.3F;
+  return settings;
+}
+
+// On level ground it may lose a little to its own damping, and gains nothing.
+TEST(Rolling, GoesOn) {
+  for (const int hz : {40, 120}) {
+    const auto asset = ballOf(hz);
+    for (const int rate : {60, 120}) {
+      for (const double speed : {0.7, 1.5, 3.0}) {
+        World world(withoutDamping());
+        BodySettings at;
+        at.position = {0, float(kRadius), 0};
+        const BodyId body = *world.addBody(asset, at);
+        for (int i = 0; i < rate; ++i) world.step(1.0F / float(rate));
+        world.setVelocity(body, {float(speed), 0, 0}, {0, 0, float(-speed / kRadius)});
+        const double start = motionOf(world, {body}).energy;
+        double most = 0;
+        for (int i = 0; i < 3 * rate; ++i) {
+          world.step(1.0F / float(rate));
+          most = std::max(most, motionOf(world, {body}).energy / start);
+        }
+        const Motion end = motionOf(world, {body});
+        const Vector3d v = end.momentum / end.mass;
+        const std::string what =
+            std::to_string(hz) + " Hz, " + std::to_string(rate) + " steps/s, " + std::to_string(speed) + " m/s";
+        EXPECT_LT(most, 1.25) << what;
+        EXPECT_GT(v[0], 0.7 * speed) << what;
+        EXPECT_LT(std::abs(v[2]), 0.25 * speed) << what;
+      }
+    }
+  }
+}
+
+// 5/7 g sin a. As a ball of contact points it lies still on less than about two degrees.
+TEST(Rolling, GoesDown) {
+  for (const int hz : {40, 120}) {
+    const auto asset = ballOf(hz);
+    for (const int rate : {60, 120}) {
+      for (const double slope : {5.0, 10.0}) {
+        const double angle = slope * std::numbers::pi / 180;
+        WorldSettings settings = withoutDamping();
+        settings.ground.normal = {float(std::sin(angle)), float(std::cos(angle)), 0};
+        World world(settings);
+        BodySettings at;
+        at.position = {float(kRadius * std::sin(angle)), float(kRadius * std::cos(angle)), 0};
+        const BodyId body = *world.addBody(asset, at);
+        for (int i = 0; i < 2 * rate; ++i) world.step(1.0F / float(rate));
+        const Motion end = motionOf(world, {body});
+        const double wanted = 2 * 9.81 * std::sin(angle) * 5 / 7;
+        EXPECT_NEAR((end.momentum / end.mass).norm(), wanted, 0.1 * wanted) << hz << ' ' << rate << ' ' << slope;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sinew::tools
