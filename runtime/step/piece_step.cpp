@@ -572,11 +572,13 @@ bool PieceStep::touches() const {
   return std::any_of(s_.contacts.begin(), s_.contacts.end(), [](const Contact& contact) { return contact.gap < 0; });
 }
 
+bool PieceStep::touched(const Contact& contact) const {
+  return touchedBefore(piece_, nearby()[contact.collider]->id, contact.point) != nullptr;
+}
+
 bool PieceStep::touchesAsBefore() const {
-  const auto colliders = nearby();
-  return std::all_of(s_.contacts.begin(), s_.contacts.end(), [&](const Contact& contact) {
-    return !(contact.gap < 0) || touchedBefore(piece_, colliders[contact.collider]->id, contact.point) != nullptr;
-  });
+  return std::all_of(s_.contacts.begin(), s_.contacts.end(),
+                     [this](const Contact& contact) { return !(contact.gap < 0) || touched(contact); });
 }
 
 // The second derivative changes little from step to step where nothing comes or goes, and pairs of a step that needs
@@ -677,7 +679,7 @@ void PieceStep::solve() {
         value = objective_.at(s_.d.data(), s_.gradient.data(), false);
         // The fall of the prediction presses on what it does not roll on.
         for (Contact& contact : s_.contacts) {
-          if (!(gapOf(contact) < 0)) contact.firm = 0;
+          if (!(gapOf(contact) < 0) && !touched(contact)) contact.firm = 0;
         }
         useRestSystem(objective_, piece_.system);
       }

@@ -162,6 +162,8 @@ class PieceStep {
   /// what it lies on does not end the turn within the step.
   bool turnsFar() const;
 
+  /// At the end of the last step.
+  bool touched(const Contact& contact) const;
   /// Whether all that push at the prediction touched at the end of the last step.
   bool touchesAsBefore() const;
 
