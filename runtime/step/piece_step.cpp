@@ -688,7 +688,6 @@ void PieceStep::solve() {
         return;
       }
       std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
-      objective_.press(s_.old.data());
     }
     if (piece_.state.elastic >= 0 && expected < value.total) {
       old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
