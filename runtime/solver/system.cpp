@@ -95,9 +95,10 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   const bool turned = objective.holds != nullptr && !(objective.holds_rotation - system.holds_turn).isZero(kTurned);
   const bool same =
       system.h == objective.h && !turned &&
-      std::equal(
-          system.points.begin(), split, contacts.begin(), contacts.end(),
-          [](const SystemFactor::Point& p, const Contact& c) { return p.point == c.point && p.firm == c.firm; }) &&
+      std::equal(system.points.begin(), split, contacts.begin(), contacts.end(),
+                 [](const SystemFactor::Point& p, const Contact& c) {
+                   return p.point == c.point && p.firm == c.firm && Eigen::Vector3f::Map(p.rest.data()) == c.rest;
+                 }) &&
       std::equal(split, system.points.end(), touches.begin(), touches.end(),
                  [](const SystemFactor::Point& p, const TouchRow& t) { return p.point == t.key && p.firm == t.firm; });
   if (same) {
@@ -108,8 +109,10 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   system.h = objective.system != nullptr ? objective.h : 0;
   if (objective.holds != nullptr) system.holds_turn = objective.holds_rotation;
   system.points.clear();
-  for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.firm});
-  for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.firm});
+  for (const Contact& contact : contacts) {
+    system.points.push_back({contact.point, contact.firm, {contact.rest[0], contact.rest[1], contact.rest[2]}});
+  }
+  for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.firm, {}});
 }
 
 void useSystemAt(Objective& objective, SystemFactor& system, const float* offset) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 
 #include "runtime/memory/array.h"
@@ -19,7 +20,8 @@ struct SystemFactor {
   /// A contact among it.
   struct Point {
     std::uint32_t point;
-    float firm;  ///< N/m
+    float firm;                      ///< N/m
+    std::array<float, 3> rest = {};  ///< of a contact, m: that with a collider's own point may be another one
   };
 
   Array<float> factor;                                       ///< 3 n rows of `stride` floats; the lower triangle

@@ -20,7 +20,7 @@ using internal::Piece;
 namespace {
 
 constexpr std::array<char, 4> kMagic = {'S', 'N', 'W', 'W'};
-constexpr std::uint32_t kVersion = 4;
+constexpr std::uint32_t kVersion = 5;
 
 struct Header {
   std::array<char, 4> magic;
