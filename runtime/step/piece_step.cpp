@@ -230,6 +230,13 @@ void PieceStep::oldPlace(float* d) const {
   for (std::uint32_t j = field_.driven; j < k_; ++j) setOffset(d, j, oldPlaceOf(j) - s_.prediction[j]);
 }
 
+void PieceStep::placeAlong(float* d) const {
+  std::fill_n(d, 4 * field_.driven, 0.0F);
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    setOffset(d, j, movedAlong(j, rigid_.center + h_ * rigid_.velocity) - s_.prediction[j]);
+  }
+}
+
 bool PieceStep::turnsFar() const {
   const double turn = h_ * rigid_.omega.norm(), radius2 = double(field_.second_moment) / field_.mass;
   return 1 - std::cos(turn) > kStretched && turn * turn * radius2 > fall().squaredNorm();
@@ -638,9 +645,7 @@ void PieceStep::solve() {
   if (objective_.has_offset) {
     if (field_.driven == 0) {
       // What springs hold goes on where they do.
-      for (std::uint32_t j = 0; j < k_; ++j) {
-        setOffset(s_.next.data(), j, movedAlong(j, rigid_.center + h_ * rigid_.velocity) - s_.prediction[j]);
-      }
+      placeAlong(s_.next.data());
       if (value.elastic + objective_.besideElastic(s_.next.data(), nullptr) < value.total) {
         const Objective::Value moved = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
         if (moved.total < value.total) takeNext(moved);
@@ -663,10 +668,7 @@ void PieceStep::solve() {
       bool taken = false, last = false;
       for (const bool along : {true, false}) {
         if (along && !turnsFar()) continue;
-        for (std::uint32_t j = field_.driven; j < k_; ++j) {
-          const Vector3d place = along ? movedAlong(j, rigid_.center + h_ * rigid_.velocity) : oldPlaceOf(j);
-          setOffset(s_.old.data(), j, place - s_.prediction[j]);
-        }
+        along ? placeAlong(s_.old.data()) : oldPlace(s_.old.data());
         const Objective::Value from = objective_.at(s_.old.data(), s_.next_gradient.data(), false);
         slide(objective_, s_.old.data(), s_.next_gradient.data(), s_.next.data());
         const Objective::Value slid = objective_.at(s_.next.data(), s_.next_gradient.data(), false);

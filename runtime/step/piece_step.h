@@ -158,6 +158,8 @@ class PieceStep {
 
   bool touches() const;
 
+  /// Where its motion takes it without its fall, from the prediction. \param d k x 4.
+  void placeAlong(float* d) const;
   /// Whether a turn taken linearly from the old place would stretch the shape, and takes it farther than it falls: then
   /// what it lies on does not end the turn within the step.
   bool turnsFar() const;

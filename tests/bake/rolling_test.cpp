@@ -2,18 +2,16 @@
 //
 // A baked ball rolls as mechanics say: in a step of 1/60 s it turns by up to a radian.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <numbers>
 #include <vector>
 
 #include "sinew/runtime/world.h"
+#include "tests/bake/baked_obj.h"
 #include "tests/support/motion.h"
-#include "tools/bake/bake.h"
 
 namespace sinew::tools {
 namespace {
@@ -51,22 +49,10 @@ void writeBall(std::ofstream& obj) {
 
 /// \param hz that it rings at
 std::shared_ptr<const Asset> ballOf(int hz) {
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("sinew_ball" + std::to_string(getpid()));
-  std::filesystem::create_directories(folder);
-  {
-    std::ofstream obj(folder / "ball.obj");
-    writeBall(obj);
-  }
-  Recipe recipe = parseRecipe(R"({"sinew_recipe": 2, "source": "ball.obj"})", folder / "ball.json");
-  recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
-  auto& clusters = recipe.settings.clusters;
-  clusters.stretch_hz = clusters.bend_hz = clusters.twist_hz = double(hz);
-  recipe.settings.field.points = 1024;  // of 256 it is a polyhedron
-  Progress progress(false);
-  auto asset = *Asset::fromMemory(bake(recipe, progress).package);
-  std::filesystem::remove_all(folder);
-  return asset;
+  return bakedObj("ball", writeBall, [hz](Settings& settings) {
+    settings.clusters.stretch_hz = settings.clusters.bend_hz = settings.clusters.twist_hz = double(hz);
+    settings.field.points = 1024;  // of 256 it is a polyhedron
+  });
 }
 
 WorldSettings withoutDamping() {

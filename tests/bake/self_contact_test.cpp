@@ -3,20 +3,18 @@
 // A baked body whose surface touches itself (BodySettings::self_contact): two arms, one above the other, joined at one
 // end.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <filesystem>
 #include <fstream>
 #include <map>
 #include <vector>
 
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
+#include "tests/bake/baked_obj.h"
 #include "tests/support/motion.h"
-#include "tools/bake/bake.h"
 
 namespace sinew::tools {
 namespace {
@@ -86,20 +84,7 @@ class SelfContact : public ::testing::Test {
     soft.position = {x, y + float(asset_->package().info().origin[1]), 0};
     return *world.addBody(asset_, soft);
   }
-  static void SetUpTestSuite() {
-    const std::filesystem::path folder =
-        std::filesystem::temp_directory_path() / ("sinew_tongs" + std::to_string(getpid()));
-    std::filesystem::create_directories(folder);
-    {
-      std::ofstream obj(folder / "tongs.obj");
-      writeTongs(obj);
-    }
-    Recipe recipe = parseRecipe(R"({"sinew_recipe": 2, "source": "tongs.obj"})", folder / "tongs.json");
-    recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
-    Progress progress(false);
-    asset_ = *Asset::fromMemory(bake(recipe, progress).package);
-    std::filesystem::remove_all(folder);
-  }
+  static void SetUpTestSuite() { asset_ = bakedObj("tongs", writeTongs); }
   static void TearDownTestSuite() { asset_.reset(); }
 
   /// Least height of the upper arm's lower side over the lower arm's upper one, at what is one above the other at rest.
